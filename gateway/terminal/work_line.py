@@ -11,15 +11,15 @@ from rich.text import Text
 from sim.state import CountedStep
 
 QUIET_S = 10.0  # before this nobody asks how long it takes
+MIN_SHARE_DONE = 0.1  # of a round, to tell from it how long the others take
 
 
 class WorkLine:
     """Drawn again and again while work goes on; `step` says what is done next."""
 
     def __init__(self, what: str) -> None:
-        self._what, self._text, self._left = what, "", ""
-        self._begun = self._round_begun = perf_counter()
-        self._done = 0
+        self._what, self._now = what, CountedStep("")
+        self._begun = self._round_begun = self._now_begun = perf_counter()
 
     @property
     def seconds(self) -> float:
@@ -28,22 +28,30 @@ class WorkLine:
 
     def step(self, text: str) -> None:
         """The next thing, or how far a round of like things is."""
-        done = text.done if isinstance(text, CountedStep) else 0
-        if not done:
-            self._round_begun = perf_counter()
-        elif done < self._done:  # threads may report out of order
+        step = text if isinstance(text, CountedStep) else CountedStep(text)
+        if 0 < step.done < self._now.done:  # threads may report out of order
             return
-        self._text, self._done, self._left = text, done, ""
-        if isinstance(text, CountedStep) and 0 < done < text.total:
-            left = (perf_counter() - self._round_begun) / done * (text.total - done)
-            self._left = f", about {duration(left)} for the other {text.total - done}"
+        self._now, self._now_begun = step, perf_counter()
+        if not step.done:
+            self._round_begun = self._now_begun
 
     def __rich__(self) -> Text:
         """The line as it is now."""
-        seconds, step = self.seconds, f": {self._text}" if self._text else ""
+        seconds, step = self.seconds, f": {self._now}" if self._now else ""
         if seconds < QUIET_S:
             return Text(f"{self._what}{step}")
-        return Text(f"{self._what}{step}{self._left} ({duration(seconds)} so far)")
+        return Text(f"{self._what}{step}{self._left()} ({duration(seconds)} so far)")
+
+    def _left(self) -> str:
+        """How long the others of a round take; nothing where too few are done to tell, or where
+        they take longer than these.
+        """
+        now, others = self._now, self._now.total - self._now.done
+        if others <= 0 or now.done < MIN_SHARE_DONE * now.total:
+            return ""
+        whole = (self._now_begun - self._round_begun) / now.done * others
+        left = whole - (perf_counter() - self._now_begun)
+        return f", about {duration(left)} for the other {others}" if left >= 1.0 else ""
 
 
 def duration(seconds: float) -> str:

@@ -75,8 +75,12 @@ def test_what_is_left_of_a_round_is_worked_out_from_the_steps_of_that_round(cloc
     assert shown(line) == expected
     line.step(CountedStep("7 of 24 looked at", 7, 24))  # of a thread that was overtaken
     assert shown(line) == expected
+    clock.now = 29.0
+    assert "about 3 s for the other 16 (29 s so far)" in shown(line)
+    clock.now = 33.0  # they take longer than the first ones: nothing is known
+    assert shown(line) == "diagnosing: 8 of 24 looked at (33 s so far)"
     line.step(CountedStep("24 of 24 looked at", 24, 24))
-    assert shown(line) == "diagnosing: 24 of 24 looked at (24 s so far)"
+    assert shown(line) == "diagnosing: 24 of 24 looked at (33 s so far)"
 
 
 def test_no_time_is_made_up_for_the_next_round(clock: Clock) -> None:
@@ -88,3 +92,11 @@ def test_no_time_is_made_up_for_the_next_round(clock: Clock) -> None:
     clock.now = 40.0
     line.step(CountedStep("1 of 5 looked at", 1, 5))
     assert "about 40 s for the other 4" in shown(line)
+
+
+def test_of_one_among_many_nothing_is_concluded(clock: Clock) -> None:
+    line = WorkLine("diagnosing")
+    line.step("looking for effects")
+    clock.now = 20.0
+    line.step(CountedStep("3 of 40 looked at", 3, 40))
+    assert shown(line) == "diagnosing: 3 of 40 looked at (20 s so far)"
