@@ -28,6 +28,7 @@ from gateway.commands import (
     VesselFile,
     ZenohName,
     effects_from,
+    one_of,
     print_progress,
     print_result,
     settings_from,
@@ -196,8 +197,7 @@ def export(
     from gateway.offline import export as work
     from gateway.terminal.recordings import show_export
 
-    if to not in set(work.ExportFormat):
-        raise BadInput(f"--to {to}: expected {', '.join(work.ExportFormat)}")
+    one_of("--to", to, tuple(work.ExportFormat))
     options = work.ExportOptions(
         work.ExportFormat(to), tuple(topic or ()), tuple(channel or ()), rate, system, mapping,
         anyway,

@@ -38,10 +38,12 @@ from gateway.offline.export_table import (
     csv_bytes,
     mapping_text,
     message_table,
+    not_in,
     parquet_bytes,
 )
 from gateway.offline.trials import TrialOptions
 from gateway.recording.reader import Recording
+from sim.near_names import did_you_mean
 
 
 class ExportFormat(StrEnum):
@@ -136,7 +138,7 @@ def _tlog(path: Path, options: ExportOptions) -> _Made:
     present = names_in(frames)
     for name in options.topics:
         if name not in present:
-            raise BadInput(f"{path}: no {name} in it; there are: {', '.join(present)}")
+            raise not_in(path, name, present)
     chosen = chosen_frames(frames, options.topics, options.rate_hz, options.system)
     if not len(chosen):
         raise BadInput(f"{path}: no frame of system {options.system} in it")
@@ -151,7 +153,10 @@ def _mcap(path: Path, options: ExportOptions) -> _Made:
     log = open_log(path, options.mapping)
     unknown = [name for name in options.topics if name not in ids_by_name()]
     if unknown:
-        raise BadInput(f"{path}: {unknown[0]} is no MAVLink message")
+        known = [*log.counts(), *ids_by_name()]  # those in the log first: they are meant
+        meant = did_you_mean(unknown[0], known).rstrip()
+        text = f"{path}: {unknown[0]} is no MAVLink message"
+        raise BadInput(f"{text}: {meant}" if meant else text)
     count, notes = packed_log(
         log, sink, options.topics, options.rate_hz, options.system, options.mapping, options.anyway
     )

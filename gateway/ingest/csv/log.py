@@ -51,6 +51,7 @@ from gateway.ingest.csv.units import (
 from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, Table
 from gateway.samples import CHANNELS, Quantity, Samples
 from gateway.toml_file import read_toml
+from sim.near_names import did_you_mean
 from sim.state import Floats, Ints
 
 JUMP_S, SLEEP_S, CONFIRM_S = JUMP / SECOND, SLEEP / SECOND, CONFIRM / SECOND
@@ -210,7 +211,10 @@ def read_mapping(path: Path) -> CsvMapping:
 def _column(path: Path, name: str, entry: Any) -> Column:
     if name not in QUANTITIES:
         known = ", ".join(key for key in QUANTITIES if not key.startswith("channel_"))
-        raise BadInput(f"{path}: unknown quantity {name!r}: expected {known}, channel_1 … 32")
+        meant = did_you_mean(name, QUANTITIES)
+        raise BadInput(
+            f"{path}: unknown quantity {name!r}: {meant}expected {known}, channel_1 … 32"
+        )
     column, unit = _entry(path, name, entry)
     quantity, index, units = QUANTITIES[name]
     factor, offset = _unit(path, name, unit, units)
@@ -242,8 +246,9 @@ def check_names(file: Path, plan: CsvMapping, there: Sequence[str]) -> None:
             )
         if not count:
             known = ", ".join([other for other in there if other][:40])
+            meant = did_you_mean(name, there)
             raise BadInput(
-                f"{file}: no column {name!r}, which {plan.path} names; there are: {known}"
+                f"{file}: no column {name!r}, which {plan.path} names: {meant}there are: {known}"
             )
 
 

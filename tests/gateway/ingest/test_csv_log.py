@@ -130,9 +130,9 @@ def test_a_table_in_another_encoding_says_where_and_what_to_do(tmp_path: Path) -
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (("heading", "course"), "no column 'course', which .*mapping.toml names; there are: t, h"),
+        (("heading", "course"), "no column 'course', which .*mapping.toml names: there are: t, h"),
         (('"deg"', '"grad"'), "yaw: unknown unit 'grad': expected rad, deg"),
-        (("yaw", "yow"), "unknown quantity 'yow'"),
+        (("yaw", "yow"), r"unknown quantity 'yow': did you mean yaw\? expected"),
         (("[columns]", "[colums]"), "unknown key 'colums'"),
         (("unit = ", "units = "), r"time: expected time = \{ column"),
         (("=", "=="), "not a TOML file"),

@@ -194,9 +194,9 @@ def test_a_table_packed_for_players_reads_back(log: Path, tmp_path: Path) -> Non
         (["--to", "csv", "--rate", "500"], "rate 500.0 Hz: expected 0.5 to 200"),
         (["--to", "csv", "--channel", "33"], "--channel 33: expected 1 to 32"),
         (["--to", "tlog", "--channel", "1"], "--channel chooses servo outputs"),
-        (["--to", "csv", "--topic", "ATTITUD"], "no ATTITUD in it; there are: ATTITUDE"),
-        (["--to", "tlog", "--topic", "ATTITUD"], "no ATTITUD in it; there are: ATTITUDE"),
-        (["--to", "mcap", "--topic", "ATTITUD"], "ATTITUD is no MAVLink message"),
+        (["--to", "csv", "--topic", "ATTITUD"], "ATTITUD in it: did you mean ATTITUDE?"),
+        (["--to", "tlog", "--topic", "ATTITUD"], "ATTITUD in it: did you mean ATTITUDE?"),
+        (["--to", "mcap", "--topic", "ATTITUD"], "no MAVLink message: did you mean ATTITUDE?"),
         (["--to", "tlog", "--system", "9"], "no frame of system 9"),
     ],
 )
