@@ -85,6 +85,7 @@ def init(
     thrust: Thrust = None,
     top_speed: TopSpeed = None,
     system: System = None,
+    mapping: Mapping = None,
     anyway: Anyway = False,
     force: Force = False,
     json: AsJson = False,
@@ -94,8 +95,8 @@ def init(
     from gateway.terminal.recordings import show_initial_vessel
 
     given = _size(length, beam, mass, thrust, top_speed)
-    with guarded_outputs("init", [log], [named_as(out, ".toml")], force):
-        made = init_vessel(log, out, name, given, system, anyway)
+    with guarded_outputs("init", [log, mapping], [named_as(out, ".toml")], force):
+        made = init_vessel(log, out, name, given, system, anyway, mapping)
     print_result(
         json, lambda: initial_vessel_dict(made, out), lambda: show_initial_vessel(made, out)
     )

@@ -12,6 +12,7 @@ from gateway.ingest.survey import Survey, survey
 from gateway.offline.vessel import init_vessel
 from gateway.terminal.recordings import next_step
 from tests.conftest import ROOT
+from tests.gateway.command_line import Run, one_line
 from tests.gateway.offline.test_replay import TABLE_COLUMNS
 
 COMMANDED = TABLE_COLUMNS + 'channel_1 = { column = "left", unit = "us" }\n'
@@ -41,6 +42,14 @@ def test_a_table_is_compared_with_its_mapping_and_its_path_is_quoted(tmp_path: P
     words = shlex.split(text[text.index("shadow compare") :])
     assert words == ["shadow", "compare", found.path, "--mapping", str(mapping),
                      "--vessel", "boat.toml"]  # fmt: skip
+
+
+def test_init_takes_the_mapping_that_a_table_asks_for(run: Run, tmp_path: Path) -> None:
+    path, out = table(tmp_path, COMMANDED).path, tmp_path / "boat.toml"
+    one_line(run("init", path, "--out", out), 2, "needs a mapping file", "or give --mapping FILE")
+    words = ["init", path, "--mapping", tmp_path / "columns of mine.toml", "--out", out]
+    one_line(run(*words), 2, "a table holds no parameters", "configs/vessels")
+    assert not out.exists()
 
 
 def test_what_is_missing_is_said_where_nothing_works(tmp_path: Path) -> None:
