@@ -57,6 +57,8 @@ def info(
     from gateway.ingest.log_events import as_dicts, log_events
     from gateway.ingest.open import open_log
     from gateway.ingest.survey import survey
+    from gateway.offline.trials import why_unusable
+    from gateway.terminal.next_step import after_info, main_boat
     from gateway.terminal.recordings import show_events, show_survey
 
     opened = open_log(log, mapping)
@@ -64,7 +66,11 @@ def info(
     told = {one.boat: log_events(opened, one.boat) for one in found.boats} if events else {}
 
     def show() -> None:
-        show_survey(found, mapping)
+        following = ""
+        if found.boats:
+            unusable = why_unusable(opened, main_boat(found).boat.system)
+            following = after_info(found, unusable, mapping, system)
+        show_survey(found, following)
         for boat, happened in told.items():
             show_events(str(boat), happened)
 
@@ -91,15 +97,22 @@ def init(
     json: AsJson = False,
 ) -> None:
     """A first vessel file from the log's own parameters (SERVOn_FUNCTION, MIN, TRIM, MAX)."""
+    from gateway.ingest.open import open_log
+    from gateway.offline.trials import why_unusable
     from gateway.offline.vessel import init_vessel, initial_vessel_dict
+    from gateway.terminal.next_step import after_init, log_words
     from gateway.terminal.recordings import show_initial_vessel
 
     given = _size(length, beam, mass, thrust, top_speed)
     with guarded_outputs("init", [log, mapping], [named_as(out, ".toml")], force):
         made = init_vessel(log, out, name, given, system, anyway, mapping)
-    print_result(
-        json, lambda: initial_vessel_dict(made, out), lambda: show_initial_vessel(made, out)
-    )
+
+    def show() -> None:
+        words = log_words(log, system, anyway, mapping)
+        unusable = why_unusable(open_log(log, mapping), system)
+        show_initial_vessel(made, out, after_init(out, words, unusable))
+
+    print_result(json, lambda: initial_vessel_dict(made, out), show)
 
 
 def replay(
