@@ -18,6 +18,11 @@ from gateway.result_json import result_json
 from sim.near_names import did_you_mean
 
 
+def short_help(command: Callable[..., None]) -> str:
+    """What a command does, for the list of all: whole, for typer cuts it."""
+    return " ".join((command.__doc__ or "").partition("\n\n")[0].split())
+
+
 def vessel_from(path: Path, effects: list[Path] | None) -> Any:
     """Read a vessel file; it may hold effects of the Python files."""
     from gateway.vessel_file import load_vessel
