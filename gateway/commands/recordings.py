@@ -34,7 +34,7 @@ from gateway.commands import (
     settings_from,
     vessel_from,
 )
-from gateway.errors import BadInput, numerical_errors, printable
+from gateway.errors import BadInput, counted, numerical_errors, printable
 from gateway.files import check_place, guarded_outputs, named_as, vessel_path
 
 Length = Annotated[float | None, typer.Option(help="Length [m].")]
@@ -217,8 +217,9 @@ def export(
         anyway,
     )  # fmt: skip
     files = work.export_files(log, named_as(out, f".{to}"), options)
-    with guarded_outputs("export", [log, mapping], files, force), numerical_errors(log):
-        done = work.export(log, files, options)
+    stale, inputs = work.stale_mapping(files, options), [log, mapping]
+    with guarded_outputs("export", inputs, [*files, *stale], force), numerical_errors(log):
+        done = work.without(stale, work.export(log, files, options))
     print_result(json, done.to_dict, lambda: show_export(done))
 
 
@@ -227,7 +228,8 @@ def repair(file: Annotated[Path, typer.Argument(help="An MCAP recording.")]) -> 
     from gateway.recording.reader import repair as work
 
     done = work(file)
-    state = "was whole already" if done.was_finished else f"made whole: {done.messages} messages"
+    made = f"made whole: {counted(done.messages, 'message')}"
+    state = "was whole already" if done.was_finished else made
     print(printable(f"{done.path}: {state}"))
 
 

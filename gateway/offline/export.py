@@ -9,7 +9,7 @@ parquet  the same, its mapping inside
 
 import io
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
@@ -119,6 +119,21 @@ def export_files(log: Path, out: Path | None, options: ExportOptions) -> tuple[P
     if options.aligned and options.format is ExportFormat.CSV:
         return file, file.with_suffix(".toml")
     return (file,)
+
+
+def stale_mapping(files: Sequence[Path], options: ExportOptions) -> tuple[Path, ...]:
+    """The mapping beside a .csv that will hold another table: it would be read by it."""
+    beside = files[0].with_suffix(".toml")
+    is_other = options.format is ExportFormat.CSV and not options.aligned
+    return (beside,) if is_other and beside.exists() else ()
+
+
+def without(stale: Sequence[Path], done: Exported) -> Exported:
+    """What was written, after mappings of what was there before are removed."""
+    for file in stale:
+        file.unlink(missing_ok=True)
+    removed = tuple(f"{file} is removed: it was another table's mapping" for file in stale)
+    return replace(done, notes=(*done.notes, *removed))
 
 
 def export(path: Path, files: Sequence[Path], options: ExportOptions) -> Exported:

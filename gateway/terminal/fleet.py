@@ -9,10 +9,11 @@ from typing import Any
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
 from rich.progress import Progress as Bar
 
+from gateway.errors import counted
 from gateway.fleet.analysis import DONE, DUPLICATE, PARTLY
 from gateway.fleet.run import FleetResult, Progress
 from gateway.fleet.table import ESTIMATES_FILE, RECORDINGS_FILE
-from gateway.fleet.wear import FleetWear, counted
+from gateway.fleet.wear import FleetWear
 from gateway.terminal import ResultConsole, SafeConsole, result_table
 from gateway.terminal.work_line import duration
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from rich.markup import escape
 from rich.table import Table
 
-from gateway.errors import one_line, shell_path
+from gateway.errors import counted, one_line, shell_path
 from gateway.figures import POSE, VELOCITIES, YAW_RATE
 from gateway.ingest.log_events import LogEvent
 from gateway.ingest.survey import BoatSurvey, Survey
@@ -94,7 +94,8 @@ def _show_messages(out: ResultConsole, found: Survey) -> None:
 def show_events(boat: str, events: Sequence[LogEvent]) -> None:
     """What happened to a boat, a line each; none is cut off."""
     out = ResultConsole()
-    out.print(f"\n[bold]{escape(boat)}[/bold]: {len(events)} events, seconds since the log began")
+    many = counted(len(events), "event")
+    out.print(f"\n[bold]{escape(boat)}[/bold]: {many}, seconds since the log began")
     for one in events:
         who = "" if one.by == "autopilot" else f"{one.by}: "
         level = "" if one.severity in ("", "info", "notice", "debug") else f"{one.severity}: "
@@ -131,7 +132,7 @@ def show_replay(summary: "ReplaySummary") -> None:
     out.print(
         f"[bold]{escape(summary.log)}[/bold]: {summary.boat}, {summary.seconds:.0f} s in "
         f"{summary.wall_seconds:.1f} s ({rate:.0f} × real time), {summary.rows} rows, "
-        f"{summary.events} events"
+        f"{counted(summary.events, 'event')}"
     )
     table = Table("", *CHANNELS, title="shadow − boat while telemetry was fresh, RMSE")
     errors = zip(summary.rmse, (*POSE, *VELOCITIES), strict=True)
@@ -155,13 +156,15 @@ def show_replay(summary: "ReplaySummary") -> None:
     more = len(warnings) - MOST_WARNINGS
     if summary.recordings and more > 0:
         file = shell_path(summary.recordings[0])
-        out.print(f"{more} more warnings: shadow info --events {file}", markup=False)
+        warned = counted(more, "more warning")
+        out.print(f"{warned}: shadow info --events {file}", markup=False)
 
 
 def show_export(done: "Exported") -> None:
     """How much was written, and where."""
     out = ResultConsole()
-    out.print(f"[bold]{escape(done.log)}[/bold]: {done.count} {done.unit}")
+    many = counted(done.count, done.unit.removesuffix("s"))
+    out.print(f"[bold]{escape(done.log)}[/bold]: {many}")
     if done.columns:
         out.print(f"columns: {', '.join(done.columns)}", highlight=False, markup=False)
     for note in done.notes:

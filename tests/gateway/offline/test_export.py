@@ -207,6 +207,22 @@ def test_what_cannot_be_exported_is_one_line(
     assert not (tmp_path / "x").exists()
 
 
+def test_messages_leave_no_mapping_of_the_table_that_was_there(
+    run: Run, log: Path, tmp_path: Path
+) -> None:
+    table, mapping = tmp_path / "t.csv", tmp_path / "t.toml"
+    assert run("export", log, "--to", "csv", "--out", table).status == 0
+    words = ["export", log, "--to", "csv", "--topic", "ATTITUDE", "--out", table]
+    told = " ".join(run(*words).out.split())
+    assert f"note: {mapping} is removed: it was another table's mapping" in told.replace("- ", "-")
+    assert not mapping.exists()
+    assert "is removed" not in run(*words).out
+    mapping.write_text("# mine")
+    before = table.read_bytes()
+    one_line(run(*words), 2, f"{mapping}: is there already", "--force")
+    assert (mapping.read_text(), table.read_bytes()) == ("# mine", before)
+
+
 def test_a_table_has_no_frames(run: Run, log: Path, tmp_path: Path) -> None:
     export(log, "csv", tmp_path / "a.csv")
     done = run("export", tmp_path / "a.csv", "--to", "tlog", "--out", tmp_path / "x")
