@@ -15,6 +15,7 @@ from gateway.vessel_file import dump_vessel
 from sim.comparison.compare import Comparison
 from sim.diagnosis.answer import Diagnosis
 from sim.identification.identify import Identification
+from sim.near_names import did_you_mean
 from sim.trial import Trial
 from sim.vessel import Vessel
 
@@ -33,8 +34,9 @@ def example_log(name: str) -> Path:
     """A recording that ships, by its name (`voyage_1`); FileNotFoundError names those there are."""
     file = RECORDINGS / f"{name}.tlog"
     if not file.is_file():
-        names = ", ".join(sorted(f.stem for f in RECORDINGS.glob("*.tlog")))
-        raise FileNotFoundError(f"no recording {name!r} ships: there are {names}")
+        names = sorted(f.stem for f in RECORDINGS.glob("*.tlog"))
+        meant = did_you_mean(name, names)
+        raise FileNotFoundError(f"no recording {name!r} ships: {meant}there are {', '.join(names)}")
     return file
 
 

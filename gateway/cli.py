@@ -28,7 +28,16 @@ from typing import Annotated, Any, NoReturn
 import typer
 from typer.core import TyperCommand
 
-from gateway.commands import PUBLISH, effects, fleet, live, model, recordings, tell_unused_mapping
+from gateway.commands import (
+    PUBLISH,
+    effects,
+    fleet,
+    live,
+    model,
+    recordings,
+    short_help,
+    tell_unused_mapping,
+)
 from gateway.errors import NUMERICAL_ERRORS, ShadowError, numerical_message, printable
 from gateway.long_running import other_ends
 
@@ -84,8 +93,7 @@ COMMANDS: dict[str, Callable[..., None]] = {  # in the order of `shadow --help`
     "demo": recordings.demo,
 }
 for name, command in COMMANDS.items():
-    about = " ".join((command.__doc__ or "").partition("\n\n")[0].split())  # whole: typer cuts it
-    app.command(name, cls=Command, short_help=about)(command)
+    app.command(name, cls=Command, short_help=short_help(command))(command)
 app.add_typer(model.app, name="vessel", short_help=model.app.info.help)
 
 

@@ -48,6 +48,7 @@ from gateway.recording.recorder import RecordingSettings
 from gateway.shadow.model_monitor import Adapt
 from gateway.toml_file import explain, read_toml, validated
 from sim.following.follower import FollowerOptions, ReferenceMode
+from sim.near_names import did_you_mean
 
 OPENSTREETMAP = "https://tile.openstreetmap.org/{Z}/{X}/{Y}.png"
 CREDIT = "© OpenStreetMap contributors, https://www.openstreetmap.org/copyright"
@@ -288,7 +289,10 @@ def _with_preset_rates(tables: dict[str, Any]) -> dict[str, Any]:
     match tables:
         case {"links": {"rates": {"preset": preset, **own}, **links}}:
             if not isinstance(preset, str) or preset not in PRESETS:
-                raise BadInput(f"links.rates.preset = {preset!r}: expected {', '.join(PRESETS)}")
+                meant = did_you_mean(str(preset), PRESETS)
+                raise BadInput(
+                    f"links.rates.preset = {preset!r}: {meant}expected {', '.join(PRESETS)}"
+                )
             return {**tables, "links": {**links, "rates": {**PRESETS[preset], **own}}}
     return tables
 

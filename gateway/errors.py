@@ -47,6 +47,11 @@ def one_line(text: str) -> str:
     return printable(text).replace("\n", "\\x0a")
 
 
+def counted(count: int, what: str) -> str:
+    """A number of things: 1 recording, 2 recordings."""
+    return f"{count} {what}{'' if count == 1 else 's'}"
+
+
 class ShadowError(Exception):
     """The work failed: exit status 1. The message says what, where and what to do."""
 

@@ -6,7 +6,6 @@ docs/vessel.md describes the format. Every mistake is one line: file, key, what 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
-from difflib import get_close_matches
 from importlib.metadata import version
 from math import isclose, isfinite, nan, radians
 from pathlib import Path
@@ -37,6 +36,7 @@ from gateway.vessel_tables import (
 )
 from sim.effects.effect import Effect, Kind, Parameter
 from sim.model import parameters_of
+from sim.near_names import did_you_mean
 from sim.vessel import (
     AddedEffect,
     Dynamics,
@@ -52,7 +52,6 @@ from sim.vessel import (
 _VESSEL_FILE = TypeAdapter(VesselFile)
 LISTED = "`shadow effects` lists those there are"
 ROOM = 20  # characters behind a name: " fitted"
-TYPO = 0.8  # as alike two names are where one is the other with a letter wrong, as difflib tells
 OF, OF_THE_BOAT = "of", "boat"  # in the entry of an effect of a day that this boat has every day
 
 
@@ -129,10 +128,11 @@ def _ends(ci95: tuple[float, float]) -> str:
 def read_vessel_file(path: str | Path) -> VesselFile:
     """The validated tables of a vessel file; BadInput with one line where it is wrong."""
     file = vessel_path(path)
+    names = vessel_names()
     if not file.suffix and not file.exists():
         raise BadInput(
-            f"{file}: cannot read the vessel file: there is no such file; vessels that ship: "
-            f"{', '.join(vessel_names())}"
+            f"{file}: cannot read the vessel file: there is no such file: "
+            f"{did_you_mean(str(path), names)}vessels that ship: {', '.join(names)}"
         )
     try:
         return validated(_VESSEL_FILE, read_toml(file, "the vessel file"))
@@ -184,9 +184,12 @@ def _effect(file: Path, key: str, entry: dict[str, Any], given: dict[str, Effect
 
 def no_effect(key: str, name: Any, known: Iterable[str]) -> str:
     """What is said of a name that no effect has; all names would be longer than what is printed."""
-    near = get_close_matches(str(name), known, 1, TYPO)
-    meant = f"did you mean {near[0]}? " if near else ""
-    return f"{key} = {shortened(repr(name))}: no such effect: {meant}{LISTED}"
+    return f"{key} = {shortened(repr(name))}: no such effect: {which_effect(str(name), known)}"
+
+
+def which_effect(name: str, known: Iterable[str]) -> str:
+    """Which effect was meant by a name that none has, and where those there are stand."""
+    return f"{did_you_mean(name, known)}{LISTED}"
 
 
 def _of_whom(where: str, effect: Effect, whose: Any) -> Effect:

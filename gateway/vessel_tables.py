@@ -10,6 +10,7 @@ from annotated_types import Ge, Gt, Le, MaxLen
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainValidator
 
 from gateway.errors import BadInput, one_line
+from sim.near_names import did_you_mean
 from sim.vessel import CURVES, Points, curve_problem
 
 LARGEST = 1e9  # of any number of a vessel, in SI: the largest ships have a mass of 6e8 kg
@@ -280,7 +281,8 @@ def check_tables(file: Path, read: VesselFile) -> None:
     for i, thruster in enumerate(read.thrusters):
         if isinstance(thruster.curve, str) and thruster.curve not in (*CURVES, *tables):
             raise BadInput(
-                f"{file}: thrusters[{i}].curve = {thruster.curve!r}: expected {', '.join(CURVES)}, "
+                f"{file}: thrusters[{i}].curve = {thruster.curve!r}: "
+                f"{did_you_mean(thruster.curve, (*CURVES, *tables))}expected {', '.join(CURVES)}, "
                 "a table of [command, share of full thrust], or a thruster that has one "
                 f"({', '.join(tables)})"
             )
@@ -289,7 +291,7 @@ def check_tables(file: Path, read: VesselFile) -> None:
             if named is not None and named not in thrusters:
                 raise BadInput(
                     f"{file}: rudders[{i}]: no thruster named {named!r}: "
-                    f"there are {', '.join(thrusters)}"
+                    f"{did_you_mean(named, thrusters)}there are {', '.join(thrusters)}"
                 )
         if rudder.motor is None and rudder.area == 0.0:
             raise BadInput(

@@ -6,7 +6,7 @@ Every tuple here holds floats or arrays alike: laws are written once and serve b
 
 from collections.abc import Callable
 from enum import IntEnum
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,21 @@ from sim.jit import jitable
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Progress = Callable[[str], None]  # called with a line of text whenever long work takes a new step
+
+
+class CountedStep(str):
+    """A line of progress in a round of like steps: so many of `total` are `done`.
+
+    A round begins with a line that counts nothing, or with none done.
+    """
+
+    done: int
+    total: int
+
+    def __new__(cls, text: str, done: int = 0, total: int = 0) -> Self:
+        step = super().__new__(cls, text)
+        step.done, step.total = done, total
+        return step
 
 
 class Eta(IntEnum):

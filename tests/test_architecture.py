@@ -113,7 +113,7 @@ def test_sim_stands_alone():
 
 LAYERS = {
     "sim": """
-        jit
+        jit near_names
         state
         body
         wind

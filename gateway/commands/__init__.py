@@ -4,7 +4,7 @@ Here: options that several commands share, what they stand for, and how a result
 """
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -15,6 +15,12 @@ from gateway.errors import BadInput
 from gateway.ingest.open import FORMATS, names_of, takes_mapping
 from gateway.long_running import print_line
 from gateway.result_json import result_json
+from sim.near_names import did_you_mean
+
+
+def short_help(command: Callable[..., None]) -> str:
+    """What a command does, for the list of all: whole, for typer cuts it."""
+    return " ".join((command.__doc__ or "").partition("\n\n")[0].split())
 
 
 def vessel_from(path: Path, effects: list[Path] | None) -> Any:
@@ -48,18 +54,15 @@ def settings_from(
     settings = recorded or load_settings(config)
     if topics is not None:
         names = [kept.value for kept in TopicsKept]
-        if topics not in names:
-            raise BadInput(f"--topics {topics}: expected {', '.join(names)}")
+        one_of("--topics", topics, names)
         recording = replace(settings.recording, topics=TopicsKept(topics))
         settings = replace(settings, recording=recording)
     if reference is not None:
-        if reference not in set(ReferenceMode):
-            raise BadInput(f"--reference {reference}: expected {', '.join(ReferenceMode)}")
+        one_of("--reference", reference, tuple(ReferenceMode))
         following = replace(settings.following, reference=ReferenceMode(reference))
         settings = replace(settings, following=following)
     if adapt is not None:
-        if adapt not in set(Adapt):
-            raise BadInput(f"--adapt {adapt}: expected {', '.join(Adapt)}")
+        one_of("--adapt", adapt, tuple(Adapt))
         settings = replace(settings, following=replace(settings.following, adapt=Adapt(adapt)))
     if publish is not None:
         settings = replace(settings, zenoh=_published(publish, settings.zenoh))
@@ -70,11 +73,16 @@ def _published(where: str, zenoh: Any) -> Any:
     """The settings of zenoh with what `--publish` says."""
     from gateway.keelson import DEFAULT_BASE
 
-    if where not in PUBLISH:
-        raise BadInput(f"--publish {where}: expected {', '.join(PUBLISH)}")
+    one_of("--publish", where, PUBLISH)
     if where == KEELSON:
         return replace(zenoh, publish=True, keelson=zenoh.keelson or DEFAULT_BASE)
     return replace(zenoh, publish=where == PUBLISH[0])
+
+
+def one_of(option: str, given: str, known: Sequence[str]) -> None:
+    """BadInput where what was given for an option is none of those it takes."""
+    if given not in known:
+        raise BadInput(f"{option} {given}: {did_you_mean(given, known)}expected {', '.join(known)}")
 
 
 def print_progress(text: str) -> None:

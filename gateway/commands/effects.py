@@ -37,6 +37,7 @@ def show_effects(
         write_effect_copy,
         write_effect_formula,
     )
+    from gateway.vessel_file import which_effect
 
     known = [*known_effects(), *effects_from(effects)]
     if name is None and picture is not None:
@@ -54,7 +55,8 @@ def show_effects(
         return
     chosen = [effect for effect in known if effect.name == name]
     if not chosen:
-        raise BadInput(f"no effect named {name!r}: there are {', '.join(e.name for e in known)}")
+        which = which_effect(name, (effect.name for effect in known))
+        raise BadInput(f"no effect named {name!r}: {which}")
     inputs = [*(effects or ()), *([source] if source else [])]
     outputs = [named_as(picture, ".png", ".svg"), named_as(write, ".py")]
     with guarded_outputs("effects", inputs, outputs, force):

@@ -20,6 +20,7 @@ from gateway.commands import (
     VesselFiles,
     effects_from,
     print_result,
+    short_help,
     vessel_from,
 )
 from gateway.errors import BadInput
@@ -348,7 +349,6 @@ app = typer.Typer(
 File = Annotated[Path, typer.Argument(metavar="FILE", help="A vessel file, or one that ships.")]
 
 
-@app.command()
 def show(file: File, effects: EffectFiles = None, json: AsJson = False) -> None:
     """Every number with its interval and its origin: recording, fit, date."""
     from gateway.offline.vessel import passport
@@ -358,7 +358,6 @@ def show(file: File, effects: EffectFiles = None, json: AsJson = False) -> None:
     print_result(json, read.to_dict, lambda: show_passport(read))
 
 
-@app.command()
 def diff(
     first: File,
     second: Annotated[Path, typer.Argument(metavar="FILE2", help="The other one.")],
@@ -374,7 +373,6 @@ def diff(
     print_result(json, lambda: diff_as_dict(a, b), lambda: show_difference(a, b))
 
 
-@app.command()
 def history(file: File, effects: EffectFiles = None, json: AsJson = False) -> None:
     """Which commands changed which numbers, when, on which recordings."""
     from gateway.offline.vessel import passport
@@ -382,3 +380,7 @@ def history(file: File, effects: EffectFiles = None, json: AsJson = False) -> No
 
     read = passport(file, effects_from(effects))
     print_result(json, read.history_as_dict, lambda: show_history(read))
+
+
+for command in (show, diff, history):
+    app.command(short_help=short_help(command))(command)

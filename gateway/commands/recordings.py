@@ -28,12 +28,13 @@ from gateway.commands import (
     VesselFile,
     ZenohName,
     effects_from,
+    one_of,
     print_progress,
     print_result,
     settings_from,
     vessel_from,
 )
-from gateway.errors import BadInput, numerical_errors, printable
+from gateway.errors import BadInput, counted, numerical_errors, printable
 from gateway.files import check_place, guarded_outputs, named_as, vessel_path
 
 Length = Annotated[float | None, typer.Option(help="Length [m].")]
@@ -56,6 +57,8 @@ def info(
     from gateway.ingest.log_events import as_dicts, log_events
     from gateway.ingest.open import open_log
     from gateway.ingest.survey import survey
+    from gateway.offline.trials import why_unusable
+    from gateway.terminal.next_step import after_info, main_boat
     from gateway.terminal.recordings import show_events, show_survey
 
     opened = open_log(log, mapping)
@@ -63,7 +66,11 @@ def info(
     told = {one.boat: log_events(opened, one.boat) for one in found.boats} if events else {}
 
     def show() -> None:
-        show_survey(found, mapping)
+        following = ""
+        if found.boats:
+            unusable = why_unusable(opened, main_boat(found).boat.system)
+            following = after_info(found, unusable, mapping, system)
+        show_survey(found, following)
         for boat, happened in told.items():
             show_events(str(boat), happened)
 
@@ -84,20 +91,28 @@ def init(
     thrust: Thrust = None,
     top_speed: TopSpeed = None,
     system: System = None,
+    mapping: Mapping = None,
     anyway: Anyway = False,
     force: Force = False,
     json: AsJson = False,
 ) -> None:
     """A first vessel file from the log's own parameters (SERVOn_FUNCTION, MIN, TRIM, MAX)."""
+    from gateway.ingest.open import open_log
+    from gateway.offline.trials import why_unusable
     from gateway.offline.vessel import init_vessel, initial_vessel_dict
+    from gateway.terminal.next_step import after_init, log_words
     from gateway.terminal.recordings import show_initial_vessel
 
     given = _size(length, beam, mass, thrust, top_speed)
-    with guarded_outputs("init", [log], [named_as(out, ".toml")], force):
-        made = init_vessel(log, out, name, given, system, anyway)
-    print_result(
-        json, lambda: initial_vessel_dict(made, out), lambda: show_initial_vessel(made, out)
-    )
+    with guarded_outputs("init", [log, mapping], [named_as(out, ".toml")], force):
+        made = init_vessel(log, out, name, given, system, anyway, mapping)
+
+    def show() -> None:
+        words = log_words(log, system, anyway, mapping)
+        unusable = why_unusable(open_log(log, mapping), system)
+        show_initial_vessel(made, out, after_init(out, words, unusable))
+
+    print_result(json, lambda: initial_vessel_dict(made, out), show)
 
 
 def replay(
@@ -196,15 +211,15 @@ def export(
     from gateway.offline import export as work
     from gateway.terminal.recordings import show_export
 
-    if to not in set(work.ExportFormat):
-        raise BadInput(f"--to {to}: expected {', '.join(work.ExportFormat)}")
+    one_of("--to", to, tuple(work.ExportFormat))
     options = work.ExportOptions(
         work.ExportFormat(to), tuple(topic or ()), tuple(channel or ()), rate, system, mapping,
         anyway,
     )  # fmt: skip
     files = work.export_files(log, named_as(out, f".{to}"), options)
-    with guarded_outputs("export", [log, mapping], files, force), numerical_errors(log):
-        done = work.export(log, files, options)
+    stale, inputs = work.stale_mapping(files, options), [log, mapping]
+    with guarded_outputs("export", inputs, [*files, *stale], force), numerical_errors(log):
+        done = work.without(stale, work.export(log, files, options))
     print_result(json, done.to_dict, lambda: show_export(done))
 
 
@@ -213,7 +228,8 @@ def repair(file: Annotated[Path, typer.Argument(help="An MCAP recording.")]) -> 
     from gateway.recording.reader import repair as work
 
     done = work(file)
-    state = "was whole already" if done.was_finished else f"made whole: {done.messages} messages"
+    made = f"made whole: {counted(done.messages, 'message')}"
+    state = "was whole already" if done.was_finished else made
     print(printable(f"{done.path}: {state}"))
 
 

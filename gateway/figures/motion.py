@@ -7,6 +7,7 @@ does; of an identification: measured, before and after, and the parameters with 
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -186,11 +187,11 @@ def lanes_over_time(trial: Trial, known: Happenings, disarmed: str) -> FigureDat
     def seconds(one: Happening) -> float:
         return (one.time_ns - trial.start_time_ns) * 1e-9
 
-    ends = [*(seconds(one) for one in known.modes[1:]), end]
+    last = Happening(trial.start_time_ns + round(end * 1e9), "")
     modes = [
-        (max(seconds(one), start), min(until, end), one.text, False)
-        for one, until in zip(known.modes, ends, strict=True)
-        if until > start and seconds(one) < end
+        (max(seconds(one), start), min(seconds(after), end), one.text, False)
+        for one, after in pairwise((*known.modes, last))  # none of a log that names no mode
+        if seconds(after) > start and seconds(one) < end
     ]
     events = [(t, t, e.text, e.bad) for e in known.events if start <= (t := seconds(e)) <= end]
     rows = [(k, *one) for k, lane in enumerate((armed, modes, events)) for one in lane]

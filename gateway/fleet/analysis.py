@@ -35,6 +35,7 @@ from sim.diagnosis.thresholds import GUESSED_PRIOR
 from sim.identification import MASSES
 from sim.identification.intervals import Estimate
 from sim.model import Model
+from sim.near_names import did_you_mean
 from sim.state import Nu
 from sim.trial import Trial
 from sim.vessel import Vessel
@@ -66,7 +67,10 @@ class AnalysisSettings:
     def __post_init__(self) -> None:
         unknown = sorted(set(self.steps) - set(STEPS))
         if unknown:
-            raise BadInput(f"--steps {', '.join(unknown)}: expected some of {', '.join(STEPS)}")
+            meant = did_you_mean(unknown[0], STEPS)
+            raise BadInput(
+                f"--steps {', '.join(unknown)}: {meant}expected some of {', '.join(STEPS)}"
+            )
         identify_settings(self.free, self.fix, self.prior, "shooting")  # mistakes, before the work
 
     def fit_of(self, vessel: Vessel) -> tuple[Sequence[str], Sequence[str]]:

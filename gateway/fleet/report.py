@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from gateway.errors import counted
 from gateway.figures import Dots, FigureData, Line, Mark, SeriesRole
 from gateway.figures.html_report import FleetPage, ReportFigure, render_fleet
 from gateway.figures.matplotlib_draw import svg_text
@@ -16,7 +17,7 @@ from gateway.figures.motion import map_panel
 from gateway.files import write_whole
 from gateway.fleet.analysis import DONE, DUPLICATE, PARTLY
 from gateway.fleet.table import read_recordings
-from gateway.fleet.wear import FleetWear, counted, wear_of
+from gateway.fleet.wear import FleetWear, wear_of
 
 EARTH_M_PER_DEG = 111_195.0  # of latitude, on a sphere; a map needs no more
 NEAR_DEG = 0.2  # recordings further apart stand on maps of their own

@@ -27,7 +27,7 @@ from typing import Any
 import dask
 from distributed import CancelledError, Client, Future, KilledWorker, LocalCluster, as_completed
 
-from gateway.errors import BadInput, ShadowError, printable
+from gateway.errors import BadInput, ShadowError, counted, printable
 from gateway.fleet import Boat, boat_of, digest, find_recordings, stamp
 from gateway.fleet.analysis import (
     DUPLICATE,
@@ -41,7 +41,6 @@ from gateway.fleet.analysis import (
     analyse,
 )
 from gateway.fleet.table import SCHEMA_VERSION, recordings_of_table, write_table
-from gateway.fleet.wear import counted
 
 RESULTS_FILE = "results.jsonl"
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from gateway.errors import BadInput
+from gateway.errors import BadInput, counted
 from gateway.figures import (
     Axis,
     Band,
@@ -170,11 +170,6 @@ class FleetWear:
             "numbers": [w.to_dict() for w in self.numbers], "too_few": dict(self.too_few),
             "undated": dict(self.undated), "twice": dict(self.twice),
         }  # fmt: skip
-
-
-def counted(count: int, what: str) -> str:
-    """A number of things: 1 recording, 2 recordings."""
-    return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 def worded(name: str) -> str:

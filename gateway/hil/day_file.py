@@ -18,6 +18,7 @@ from gateway.vessel_file import check_effect, no_effect
 from gateway.vessel_tables import Bearing, StrictTable, Word
 from sim.effects.effect import Effect
 from sim.hil.day import Day, Moment, Wind
+from sim.near_names import did_you_mean
 from sim.plants.waves import Sea
 from sim.vessel import AddedEffect
 
@@ -126,7 +127,8 @@ def _moment(i: int, table: MomentTable, known: Mapping[str, Effect]) -> Moment:
     unknown = [name for name in values if name not in names]
     if effect is not None and (unknown or not values):
         what = f"unknown key {shortened(unknown[0])}" if unknown else "no number of it changes"
-        raise ValueError(f"{key}: {what}: {effect.name} has {', '.join(names)}")
+        meant = did_you_mean(unknown[0], names) if unknown else ""
+        raise ValueError(f"{key}: {what}: {meant}{effect.name} has {', '.join(names)}")
     check_effect(key, [p for p in parameters if p.name in values], values)
     wind = None if table.wind is None else Wind(**dict(table.wind))
     gain = 1.0 if table.gain is None else table.gain

@@ -1,7 +1,8 @@
 """What happened in a log: a list in order (`shadow info --events`), and modes on the boat's clock.
 
-The list: arming and modes, what the autopilot said (STATUSTEXT, MSG), and, in a recording of ours,
-the events of the shadow. Its times count from the first message of the log, by its receipt.
+The list: arming and modes (of a ULog its `vehicle_status`, of a table its column `armed`), what the
+autopilot said (STATUSTEXT, MSG), and, in a recording of ours, the events of the shadow. Its times
+count from the first message of the log, by its receipt.
 
 On the boat's clock, a message stands between others whose time is known: its own is interpolated
 between theirs, by the order in which they were accepted. Modes are those of ArduPilot's Rover and
@@ -20,9 +21,12 @@ from pymavlink.dialects.v20 import ardupilotmega as definitions
 
 from gateway.ingest.log import UNREADABLE, Boat, Log, Table, text
 from gateway.ingest.mcap.log import recording_of
+from gateway.ingest.sources import choose
 from sim.state import Ints
 
 ARMED = 128  # bit of a heartbeat's base_mode
+ARMING = {True: "armed", False: "disarmed"}
+STATUS = "vehicle_status"  # of PX4: its modes
 SEVERITIES = ("emergency", "alert", "critical", "error", "warning", "notice", "info", "debug")
 
 
@@ -38,7 +42,10 @@ class LogEvent:
 
 def log_events(log: Log, boat: Boat) -> list[LogEvent]:
     """Everything that happened to a boat or was said by it, in order of time."""
-    found = [*_heartbeats(log, boat), *_flash_states(log), *_said(log, boat), *_of_the_shadow(log)]
+    found = [
+        *_heartbeats(log, boat), *_flash_states(log), *_other_states(log, boat), *_said(log, boat),
+        *_of_the_shadow(log),
+    ]  # fmt: skip
     starts = [log.table(name).receive_time_ns for name in log.counts()]
     first = min((int(times.min()) for times in starts if len(times)), default=0)
     return [
@@ -63,7 +70,7 @@ def _heartbeats(log: Log, boat: Boat) -> Iterator[Row]:
     own = (beats.system == boat.system) & (beats.component == boat.component)
     at = beats.receive_time_ns[own]
     armed = (beats.columns["base_mode"][own].astype(np.int64) & ARMED) > 0
-    yield from _state_changes(at, armed.tolist(), {True: "armed", False: "disarmed"})
+    yield from _state_changes(at, armed.tolist(), ARMING)
     yield from _state_changes(at, beats.columns["custom_mode"][own].tolist(), {})
 
 
@@ -73,10 +80,24 @@ def _flash_states(log: Log) -> Iterator[Row]:
     if "ARM" in counts:
         table = log.table("ARM")
         states = (table.columns["ArmState"].astype(np.int64) > 0).tolist()
-        yield from _state_changes(table.receive_time_ns, states, {True: "armed", False: "disarmed"})
+        yield from _state_changes(table.receive_time_ns, states, ARMING)
     if "MODE" in counts:
         table = log.table("MODE")
         yield from _state_changes(table.receive_time_ns, table.columns["Mode"].tolist(), {})
+
+
+def _other_states(log: Log, boat: Boat) -> Iterator[Row]:
+    """The same of a ULog or a table: arming as it is decoded, modes where they have names."""
+    counts = log.counts()
+    armed = choose(log.decode(boat).samples).get("armed")
+    if armed is not None and not counts.keys() & {"HEARTBEAT", "ARM"}:
+        at, values = armed.samples.receive_time_ns, armed.samples.values[:, 0] > 0.0
+        yield from _state_changes(at, values.tolist(), ARMING)
+    if STATUS in counts:
+        table = log.table(STATUS)
+        with suppress(*UNREADABLE, KeyError):  # a log's own definition may lack the mode
+            for one in _mode_changes(table.receive_time_ns, table, boat):
+                yield one.time_ns, "autopilot", "info", f"mode {one.text.removeprefix('state ')}"
 
 
 def _state_changes(at: Any, states: list[Any], names: dict[Any, str]) -> Iterator[Row]:
@@ -247,7 +268,7 @@ def _px4_state(columns: _Columns) -> _Names:
 
 
 MODES: Mapping[str, Callable[[_Columns], _Names]] = {
-    "HEARTBEAT": _heartbeat, "MODE": _dataflash_mode, "vehicle_status": _px4_state,
+    "HEARTBEAT": _heartbeat, "MODE": _dataflash_mode, STATUS: _px4_state,
 }  # fmt: skip
 
 

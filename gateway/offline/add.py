@@ -20,6 +20,7 @@ from gateway.vessel_file import (
     revised,
     same_number,
     vessel_tables,
+    which_effect,
 )
 from gateway.vessel_tables import AREAS_KEY, Listed, Provenance, VesselFile, Word
 from sim.effects.effect import Effect
@@ -217,8 +218,8 @@ def _step_with(
     for name in names:
         if name not in known:
             raise BadInput(
-                f"no effect named {name!r}: `shadow effects` lists those there are; one of your "
-                "own needs --effects FILE"
+                f"no effect named {name!r}: {which_effect(name, known)}; one of your own needs "
+                "--effects FILE"
             )
     every = (*diagnosis.alternatives, *diagnosis.ladder)
     if not names and all(s.base != "refitted" for s in every if not s.effects):

@@ -9,7 +9,7 @@ parquet  the same, its mapping inside
 
 import io
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
@@ -38,10 +38,12 @@ from gateway.offline.export_table import (
     csv_bytes,
     mapping_text,
     message_table,
+    not_in,
     parquet_bytes,
 )
 from gateway.offline.trials import TrialOptions
 from gateway.recording.reader import Recording
+from sim.near_names import did_you_mean
 
 
 class ExportFormat(StrEnum):
@@ -119,6 +121,21 @@ def export_files(log: Path, out: Path | None, options: ExportOptions) -> tuple[P
     return (file,)
 
 
+def stale_mapping(files: Sequence[Path], options: ExportOptions) -> tuple[Path, ...]:
+    """The mapping beside a .csv that will hold another table: it would be read by it."""
+    beside = files[0].with_suffix(".toml")
+    is_other = options.format is ExportFormat.CSV and not options.aligned
+    return (beside,) if is_other and beside.exists() else ()
+
+
+def without(stale: Sequence[Path], done: Exported) -> Exported:
+    """What was written, after mappings of what was there before are removed."""
+    for file in stale:
+        file.unlink(missing_ok=True)
+    removed = tuple(f"{file} is removed: it was another table's mapping" for file in stale)
+    return replace(done, notes=(*done.notes, *removed))
+
+
 def export(path: Path, files: Sequence[Path], options: ExportOptions) -> Exported:
     """Write a log in another form; BadInput where it does not hold what is asked for."""
     content, exported = _WRITERS[options.format](path, options)
@@ -136,7 +153,7 @@ def _tlog(path: Path, options: ExportOptions) -> _Made:
     present = names_in(frames)
     for name in options.topics:
         if name not in present:
-            raise BadInput(f"{path}: no {name} in it; there are: {', '.join(present)}")
+            raise not_in(path, name, present)
     chosen = chosen_frames(frames, options.topics, options.rate_hz, options.system)
     if not len(chosen):
         raise BadInput(f"{path}: no frame of system {options.system} in it")
@@ -151,7 +168,10 @@ def _mcap(path: Path, options: ExportOptions) -> _Made:
     log = open_log(path, options.mapping)
     unknown = [name for name in options.topics if name not in ids_by_name()]
     if unknown:
-        raise BadInput(f"{path}: {unknown[0]} is no MAVLink message")
+        known = [*log.counts(), *ids_by_name()]  # those in the log first: they are meant
+        meant = did_you_mean(unknown[0], known).rstrip()
+        text = f"{path}: {unknown[0]} is no MAVLink message"
+        raise BadInput(f"{text}: {meant}" if meant else text)
     count, notes = packed_log(
         log, sink, options.topics, options.rate_hz, options.system, options.mapping, options.anyway
     )

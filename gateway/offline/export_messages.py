@@ -22,6 +22,7 @@ from gateway.ingest.mavlink.frames import MAGIC_2, definitions, ids_by_name
 from gateway.ingest.mavlink.log import MavlinkLog
 from gateway.ingest.mcap.log import FOLDER, enclosure_of_file
 from gateway.json_rows import encode_rows
+from gateway.offline.export_table import not_in
 from gateway.offline.trials import TrialOptions, trials_of
 from gateway.recording.blocks import Block
 from gateway.recording.foxglove import PlayerRows
@@ -151,9 +152,7 @@ def copied_recording(
         sorted(messages) if RAW not in present else []
     )
     if unknown:
-        raise BadInput(
-            f"{recording.path}: no {unknown[0]} in it; there are: {', '.join(sorted(present))}"
-        )
+        raise not_in(recording.path, unknown[0], sorted(present))
     wanted = {ids_by_name()[name] for name in messages}
     return copy_messages(recording, writer, _Choice(set(names), wanted, rate_hz, system))
 

@@ -10,6 +10,7 @@ import csv
 import io
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,10 +23,12 @@ from gateway.ingest.parquet.log import MAPPING_KEY, pyarrow
 from gateway.ingest.sources import GAP_S
 from gateway.offline.trials import TrialOptions, trials_of
 from gateway.recording.reader import Integers, Recording
+from sim.near_names import did_you_mean
 from sim.trial import MOTION_NAMES, Trial
 
 Columns = dict[str, NDArray[Any]]  # name -> (K,)
 MOST_ROWS = 20_000_000  # of a table of messages: a grid over a damaged time would never end
+MOST_NAMED = 40  # messages of a log, where one that was asked for is not among them
 
 # column of the table -> quantity of a mapping file (docs/csv.md), unit
 READ_BACK = {
@@ -105,7 +108,7 @@ def message_table(
         if table is None and log is not None:
             table = _messages(log, name, system)
         if table is None:
-            raise BadInput(f"{path}: no {name} in it; there are: {_present(log, recording)}")
+            raise not_in(path, name, _present(log, recording))
         found[name] = table
     if len(found) == 1 and rate_hz is None:
         time, columns = next(iter(found.values()))
@@ -155,10 +158,16 @@ def _plain(values: NDArray[Any]) -> NDArray[Any]:
     return np.array([text(value) for value in values.tolist()], np.str_)
 
 
-def _present(log: Log | None, recording: Recording | None) -> str:
+def _present(log: Log | None, recording: Recording | None) -> list[str]:
     topics = [] if recording is None else list(recording.counts())
     messages = [] if log is None else list(log.counts())
-    return ", ".join([*sorted(topics), *messages][:40]) or "nothing"
+    return [*sorted(topics), *messages]
+
+
+def not_in(path: str | Path, name: str, present: Sequence[str]) -> BadInput:
+    """What is said of a message or topic that is not in a log, and of those that are."""
+    there = ", ".join(present[:MOST_NAMED]) or "nothing"
+    return BadInput(f"{path}: no {name} in it: {did_you_mean(name, present)}there are: {there}")
 
 
 def _on_grid(path: str, tables: Mapping[str, tuple[Integers, Columns]], rate_hz: float) -> Columns:

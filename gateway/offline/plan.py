@@ -30,6 +30,7 @@ from sim.excitation import Manoeuvre, Plan, StickLimits, plan_of
 from sim.excitation.catalogue import BY_NAME
 from sim.excitation.responses import StepResponses, step_responses
 from sim.model import Model
+from sim.near_names import did_you_mean
 from sim.vessel import Vessel
 
 TEMPLATE = Path(__file__).with_name("script.lua")
@@ -281,7 +282,8 @@ def choose_manoeuvre(
 ) -> tuple[Manoeuvre, ManoeuvreRanking | None]:
     """The manoeuvre that is named; else the best one after a recording, else the default."""
     if name is not None and name not in BY_NAME:
-        raise BadInput(f"--excitation {name}: there are {', '.join(BY_NAME)}")
+        meant = did_you_mean(name, BY_NAME)
+        raise BadInput(f"--excitation {name}: {meant}there are {', '.join(BY_NAME)}")
     if name is not None or log is None:
         return BY_NAME[name or DEFAULT], None
     ranking = rank_manoeuvres(log, vessel, trials)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gateway.errors import BadInput, numerical_errors, printable, shell_path
+from gateway.errors import BadInput, ShadowError, numerical_errors, printable, shell_path
 from gateway.estimation import SOURCES, FilterSettings
 from gateway.estimation.events import Events
 from gateway.estimation.smoother import SmoothedMotion
@@ -94,6 +94,7 @@ class TrialOptions:
 
 DEFAULT_TRIALS = TrialOptions()
 # An hour of 50 Hz in a quarter of the time; velocities 0.01 m/s off, root mean square.
+NOTHING_USABLE = "nothing usable in it: "
 FIRST_LOOK = TrialOptions(rate_hz=2.0, measured_hz=4.0)
 
 
@@ -140,8 +141,17 @@ def trials_of(log: Log, options: TrialOptions = DEFAULT_TRIALS) -> list[Trial]:
     if not trials:
         raise BadInput(f"{log.path}: no {SHORTEST_S:.0f} s of heading and velocity in one piece")
     if not options.motion_only and not any(trial.usable.any() for trial in trials):
-        raise BadInput(f"{log.path}: nothing usable in it: {excluded_summary(trials)}")
+        raise BadInput(f"{log.path}: {NOTHING_USABLE}{excluded_summary(trials)}")
     return trials
+
+
+def why_unusable(log: Log, system: int | None = None) -> str:
+    """Why nothing of a log can be compared, from a quick look; empty where something can."""
+    try:
+        trials_of(log, replace(FIRST_LOOK, system=system, anyway=True))
+    except ShadowError as error:
+        return str(error).removeprefix(f"{log.path}: ").removeprefix(NOTHING_USABLE)
+    return ""
 
 
 def excluded_summary(trials: Sequence[Trial]) -> str:

@@ -37,6 +37,7 @@ from gateway.shadow.sensor_checks import (
     SensorMemory,
 )
 from sim.model import Model
+from sim.near_names import did_you_mean
 from sim.prediction import vessel_commands
 from sim.prediction.segments import usable_stretches
 from sim.state import Floats, Nu
@@ -191,7 +192,8 @@ def exclude_stretches(trials: Sequence[Trial], exclusions: Sequence[Exclusion]) 
     names = [trial.name for trial in trials]
     for one in exclusions:
         if one.recording is not None and one.recording not in names:
-            raise BadInput(f"--exclude: no recording {one.recording!r}: there are {names}")
+            meant = did_you_mean(one.recording, names)
+            raise BadInput(f"--exclude: no recording {one.recording!r}: {meant}there are {names}")
     return [_exclude(trial, exclusions) for trial in trials]
 
 

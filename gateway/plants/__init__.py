@@ -10,9 +10,11 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 from gateway.errors import BadInput
+from gateway.files import vessel_names
 from gateway.plants.fmu import FMU
 from gateway.vessel_file import load_vessel
 from sim.effects.effect import Effect
+from sim.near_names import did_you_mean
 from sim.plants import OWN_VESSEL, PLANTS, VESSEL, PlantChoice, PlantKind
 
 
@@ -56,6 +58,9 @@ def _parts(text: str, folder: Path) -> tuple[PlantKind, str | None]:
         if colon and not file:
             raise BadInput(f"plant {text}: expected KIND or KIND:FILE")
         return known[name], file or None
-    if colon and name.isidentifier() and len(name) > 1 and not (folder / text).exists():
-        raise BadInput(f"plant {text}: no kind {name!r}: there are {', '.join(sorted(known))}")
+    meant = did_you_mean(name, known)
+    is_kind = colon and name.isidentifier() and len(name) > 1
+    if (is_kind or meant) and not (folder / text).exists() and text not in vessel_names():
+        kinds = ", ".join(sorted(known))
+        raise BadInput(f"plant {text}: no kind {name!r}: {meant}there are {kinds}")
     return VESSEL, text

@@ -28,6 +28,7 @@ from sim.excitation import Manoeuvre, manoeuvre_commands
 from sim.excitation.catalogue import BY_NAME, Circles, Mixed, Spin
 from sim.hil import Battery
 from sim.model import InputTable, Model, Runs
+from sim.near_names import did_you_mean
 from sim.state import Floats, to_body, to_world
 from sim.vessel import Vessel
 
@@ -55,7 +56,10 @@ def program_of(vessel: Vessel, wanted: str | Path = "mixed", seed: int = 0) -> P
         return _program(manoeuvre_commands(PROGRAMS[str(wanted)], vessel, STEP_S, seed))
     path = Path(wanted)
     if not path.exists():
-        raise BadInput(f"{wanted}: neither a table of commands nor one of {', '.join(PROGRAMS)}")
+        meant = did_you_mean(str(wanted), PROGRAMS)
+        raise BadInput(
+            f"{wanted}: {meant}neither a table of commands nor one of {', '.join(PROGRAMS)}"
+        )
     times, rows = read_commands(path, vessel)
     return Program(times[:-1], rows[:-1], float(times[-1]))
 

@@ -6,7 +6,6 @@ Here: what all results share, which is lines, tables, and the progress of long w
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 from rich.console import Console, Group, RenderableType
@@ -17,6 +16,7 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from gateway.errors import printable
+from gateway.terminal.work_line import WorkLine, duration
 
 NARROWEST = 12  # letters that prose in a table is folded into at most
 
@@ -104,7 +104,8 @@ def progress_bar(what: str) -> Iterator[Callable[[float], None]]:
 
 @contextmanager
 def status_line(what: str, keep: str = "") -> Iterator[Callable[[str], None]]:
-    """A line that says what is being done; call what it gives with the next thing.
+    """A line that says what is being done, and how long it takes; call what it gives with the next
+    thing.
 
     `keep`: what begins so stays on the screen, with the time that it took.
     """
@@ -112,12 +113,12 @@ def status_line(what: str, keep: str = "") -> Iterator[Callable[[str], None]]:
     if not console.is_terminal:
         yield lambda text: None
         return
-    begun = perf_counter()
-    with console.status(what) as line:
+    line = WorkLine(what)
+    with console.status(line):
 
         def show(text: str) -> None:
             if keep and text.startswith(keep):
-                console.print(f"{text} ({perf_counter() - begun:.0f} s; tested now)")
-            line.update(f"{what}: {text}")
+                console.print(f"{text} ({duration(line.seconds)}; tested now)", markup=False)
+            line.step(text)
 
         yield show

@@ -9,11 +9,13 @@ from typing import Any
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
 from rich.progress import Progress as Bar
 
+from gateway.errors import counted
 from gateway.fleet.analysis import DONE, DUPLICATE, PARTLY
 from gateway.fleet.run import FleetResult, Progress
 from gateway.fleet.table import ESTIMATES_FILE, RECORDINGS_FILE
-from gateway.fleet.wear import FleetWear, counted
+from gateway.fleet.wear import FleetWear
 from gateway.terminal import ResultConsole, SafeConsole, result_table
+from gateway.terminal.work_line import duration
 
 MOST_SHOWN = 10  # reasons why recordings failed
 MOST_NAMED = 3  # recordings of one reason
@@ -40,13 +42,7 @@ def fleet_progress() -> Iterator[Callable[[Progress], None]]:
 def _standing(now: Progress) -> str:
     """What is left, and how many failed."""
     left, failed = now.seconds_left, f", {now.failed} failed" if now.failed else ""
-    return failed.lstrip(", ") if left is None else f"about {_duration(left)} left{failed}"
-
-
-def _duration(seconds: float) -> str:
-    if seconds < 90.0:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
+    return failed.lstrip(", ") if left is None else f"about {duration(left)} left{failed}"
 
 
 def show_fleet(result: FleetResult, wear: FleetWear) -> None:

@@ -11,11 +11,9 @@ from typing import TYPE_CHECKING
 from rich.markup import escape
 from rich.table import Table
 
-from gateway.errors import one_line, shell_path
+from gateway.errors import counted, one_line, shell_path
 from gateway.figures import POSE, VELOCITIES, YAW_RATE
-from gateway.ingest.log import not_a_boat
 from gateway.ingest.log_events import LogEvent
-from gateway.ingest.mapping import THRUST_FUNCTIONS
 from gateway.ingest.survey import BoatSurvey, Survey
 from gateway.terminal import ResultConsole
 from gateway.vessel_tables import RudderTable, ThrusterTable, VesselFile
@@ -27,8 +25,8 @@ if TYPE_CHECKING:  # `shadow info` needs none of them
     from gateway.offline.simulate import SimulationResult
 
 
-def show_survey(found: Survey, mapping: Path | None = None) -> None:
-    """The recording, its boats, its messages."""
+def show_survey(found: Survey, following: str) -> None:
+    """The recording, its boats, its messages, and what comes next."""
     out, s = ResultConsole(), found.statistics
     out.print(
         f"[bold]{escape(str(found.path))}[/bold]: {found.kind}, {s.size_bytes / 1e6:.2f} MB, "
@@ -51,34 +49,13 @@ def show_survey(found: Survey, mapping: Path | None = None) -> None:
     if not found.boats:
         out.print("no boat in it: nobody but ground stations spoke, or nobody said what it is")
     _show_messages(out, found)
-    if found.boats:
-        out.print(
-            f"next: {next_step(found, mapping)}", highlight=False, markup=False, soft_wrap=True
-        )
+    _show_next(out, following)
 
 
-def next_step(found: Survey, mapping: Path | None = None) -> str:
-    """What can be done with a recording: a command that works on it, or why there is none."""
-    one = max(found.boats, key=lambda boat: boat.seconds)
-    words = [shell_path(found.path)]
-    words += ["--system", str(one.boat.system)] if len(found.boats) > 1 else []
-    words += ["--anyway"] if not_a_boat(one.boat) else []
-    if any(actuator.kind in THRUST_FUNCTIONS for actuator in one.actuators):
-        return " ".join(["shadow", "init", *words, "--out", "boat.toml"])
-    missing = [what for what, needed in NEEDED.items() if not needed & set(one.sources)]
-    if missing:
-        return f"nothing: no {' and no '.join(missing)} in it, so that no model can be compared"
-    words += ["--mapping", shell_path(mapping)] if mapping is not None else []
-    compare = " ".join(["shadow", "compare", *words, "--vessel", "boat.toml"])
-    return (
-        "copy a file from configs/vessels to boat.toml and enter the channels (no parameter in "
-        f"the log names the motors), then {compare}"
-    )
-
-
-NEEDED = {  # what a comparison needs -> the quantities of which one tells it
-    "heading": {"yaw"}, "velocity or position": {"velocity", "position"}, "commands": {"commands"},
-}  # fmt: skip
+def _show_next(out: ResultConsole, following: str) -> None:
+    """What comes next; a command goes on in one line, however long, so that it can be pasted."""
+    if following:
+        out.print(f"next: {following}", highlight=False, markup=False, soft_wrap=True)
 
 
 def _show_boat(out: ResultConsole, one: BoatSurvey) -> None:
@@ -118,7 +95,8 @@ def _show_messages(out: ResultConsole, found: Survey) -> None:
 def show_events(boat: str, events: Sequence[LogEvent]) -> None:
     """What happened to a boat, a line each; none is cut off."""
     out = ResultConsole()
-    out.print(f"\n[bold]{escape(boat)}[/bold]: {len(events)} events, seconds since the log began")
+    many = counted(len(events), "event")
+    out.print(f"\n[bold]{escape(boat)}[/bold]: {many}, seconds since the log began")
     for one in events:
         who = "" if one.by == "autopilot" else f"{one.by}: "
         level = "" if one.severity in ("", "info", "notice", "debug") else f"{one.severity}: "
@@ -126,7 +104,7 @@ def show_events(boat: str, events: Sequence[LogEvent]) -> None:
         out.print(line, highlight=False, markup=False)
 
 
-def show_initial_vessel(made: VesselFile, out: Path) -> None:
+def show_initial_vessel(made: VesselFile, out: Path, following: str) -> None:
     """Actuators found, numbers assumed, what to do next."""
     console = ResultConsole()
     table = Table("actuator", "channel", "pwm [µs]", title=f"{made.name}: outputs that move it")
@@ -140,8 +118,8 @@ def show_initial_vessel(made: VesselFile, out: Path) -> None:
         origins.setdefault(origin.says, []).append(key)
     for text, keys in origins.items():
         console.print(f"{text}: {', '.join(keys)}", highlight=False)
-    console.print(f"written: {out}")
-    console.print(f"next: correct {out} by hand, then shadow compare LOG --vessel {out}")
+    console.path("written", out)
+    _show_next(console, following)
 
 
 CHANNELS = ("x", "y", "psi", "u", "v", "r")
@@ -155,7 +133,7 @@ def show_replay(summary: "ReplaySummary") -> None:
     out.print(
         f"[bold]{escape(summary.log)}[/bold]: {summary.boat}, {summary.seconds:.0f} s in "
         f"{summary.wall_seconds:.1f} s ({rate:.0f} × real time), {summary.rows} rows, "
-        f"{summary.events} events"
+        f"{counted(summary.events, 'event')}"
     )
     table = Table("", *CHANNELS, title="shadow − boat while telemetry was fresh, RMSE")
     errors = zip(summary.rmse, (*POSE, *VELOCITIES), strict=True)
@@ -179,13 +157,15 @@ def show_replay(summary: "ReplaySummary") -> None:
     more = len(warnings) - MOST_WARNINGS
     if summary.recordings and more > 0:
         file = shell_path(summary.recordings[0])
-        out.print(f"{more} more warnings: shadow info --events {file}", markup=False)
+        warned = counted(more, "more warning")
+        out.print(f"{warned}: shadow info --events {file}", markup=False)
 
 
 def show_export(done: "Exported") -> None:
     """How much was written, and where."""
     out = ResultConsole()
-    out.print(f"[bold]{escape(done.log)}[/bold]: {done.count} {done.unit}")
+    many = counted(done.count, done.unit.removesuffix("s"))
+    out.print(f"[bold]{escape(done.log)}[/bold]: {many}")
     if done.columns:
         out.print(f"columns: {', '.join(done.columns)}", highlight=False, markup=False)
     for note in done.notes:

@@ -19,9 +19,10 @@ from sim.diagnosis.heldout import (
     rank,
     ranked_over,
 )
-from sim.diagnosis.screening import Mapper, Progress
+from sim.diagnosis.screening import Mapper
 from sim.diagnosis.worth import helps, is_missed
 from sim.effects.effect import Effect
+from sim.state import Progress
 from sim.vessel import AddedEffect
 
 

@@ -34,7 +34,7 @@ from sim.diagnosis.next_experiment import (
     refusals,
 )
 from sim.diagnosis.residual_terms import swing_period
-from sim.diagnosis.screening import Mapper, Progress
+from sim.diagnosis.screening import Mapper
 from sim.diagnosis.verdict import (
     does_without_effects,
     is_curve_above_form,
@@ -52,6 +52,7 @@ from sim.identification.parameters import unknowns_of
 from sim.identification.shooting import FitInputs, fit_by_shooting
 from sim.model import Model
 from sim.prediction.segments import NoUsableTimeError
+from sim.state import Progress
 from sim.trial import Trial
 from sim.vessel import Vessel
 

@@ -22,11 +22,11 @@ from sim.diagnosis.fit import Fit, fit_effects, start_values, unknowns_for
 from sim.diagnosis.fit_problem import SupersetModel
 from sim.diagnosis.heldout import Gain, HeldOutScorer, RankedEffect, gain, gain_under, rank
 from sim.diagnosis.ladder import Selection
-from sim.diagnosis.screening import Mapper, Progress
+from sim.diagnosis.screening import Mapper
 from sim.diagnosis.worth import helps, is_worth_it
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect, Scope, Values
-from sim.state import Floats
+from sim.state import Floats, Progress
 from sim.vessel import Vessel
 
 FREE_FORMS = tuple(effect for effect in EFFECTS if effect.is_curve)

@@ -38,13 +38,13 @@ from sim.comparison.compare import Judgement, judge
 from sim.diagnosis import thresholds
 from sim.diagnosis.fit import Fit, fit_effects, from_given_base
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
-from sim.diagnosis.screening import Mapper, Progress, most_promising, screen
+from sim.diagnosis.screening import Mapper, most_promising, screen
 from sim.diagnosis.screening_steps import ScreeningResult
 from sim.effects.effect import Effect
 from sim.model import Model
 from sim.prediction.free_runs import Ruler, nrmse_interval, predict, scaled_squares
 from sim.prediction.segments import CompareSettings, NoUsableTimeError
-from sim.state import Floats, Ints
+from sim.state import Floats, Ints, Progress
 from sim.trial import Trial
 from sim.vessel import AddedEffect
 

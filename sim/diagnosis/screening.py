@@ -9,6 +9,7 @@ that decides comes later, for the few that promise most.
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -26,8 +27,8 @@ from sim.diagnosis.screening_steps import (
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect, Values
 from sim.model import Model
+from sim.state import CountedStep, Progress
 
-Progress = Callable[[str], None]  # is given what is being done, in words
 Mapper = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]  # maps as `map` does
 CATALOGUE = frozenset(effect.name for effect in EFFECTS)
 FIRST_IMPRESSION = "first impression"  # begins the line of progress that is worth keeping
@@ -65,15 +66,16 @@ def screen(
     trials = reference.problem.trials
     length = max(float(t.time[-1]) for t in trials)
 
+    effects, numbers = list(effects), count(1)  # counted as they end: threads take several at once
+
     def begun(tried: tuple[Effect, Sequence[Values]]) -> list[Begun]:
         effect, _ = tried
-        progress(effect.name)
         found = [main.begun(tried)]
         if closer and effect.more_starts is not None and effect.name not in superset.measured:
             found.append(_closer(effect, effect.more_starts(length), main.fine, main.coarse))
+        progress(_looked_at(next(numbers), len(effects), effect.name))
         return [each for each in found if each is not None]
 
-    effects = list(effects)
     starts = list(mapper(lambda effect: superset.starts(effect, model, trials), effects))
     pairs, judged = list(zip(effects, starts, strict=True)), partial(_best_judged, main.fine)
     found = list(mapper(begun, pairs))
@@ -199,6 +201,11 @@ def in_its_place(
     """
     most = without - thresholds.MIN_PROMISE_IN_PLACE * (without - present)
     return [r for r in results if r.deviance < most]
+
+
+def _looked_at(done: int, total: int, last: str) -> CountedStep:
+    """How far a look at all effects is, for a line of progress."""
+    return CountedStep(f"{done} of {total} effects looked at, last {last}", done, total)
 
 
 def first_impression(results: Sequence[ScreeningResult]) -> str:

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from importlib import import_module
 
 from sim.effects.effect import Effect, Symptom
+from sim.near_names import did_you_mean
 
 NAMES = """
     steady_current varying_current current_change steady_wind wind_change
@@ -27,7 +28,8 @@ def named(name: str, more: Iterable[Effect] = ()) -> Effect:
     """The effect of that name, from the list or from `more`; KeyError names those there are."""
     known = {effect.name: effect for effect in (*EFFECTS, *more)}
     if name not in known:
-        raise KeyError(f"no effect named {name!r}: there are {', '.join(sorted(known))}")
+        there = f"{did_you_mean(name, known)}there are {', '.join(sorted(known))}"
+        raise KeyError(f"no effect named {name!r}: {there}")
     return known[name]
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from sim.effects.effect import Effect
 from sim.model import Model
+from sim.near_names import did_you_mean
 from sim.plants.waves import Sea
 from sim.state import Floats
 from sim.vessel import AddedEffect, Vessel
@@ -75,7 +76,10 @@ def vessel_of_day(vessel: Vessel, day: Day) -> Vessel:
     names = [thruster.name for thruster in vessel.thrusters]
     for moment in day.moments:
         if moment.thruster is not None and moment.thruster not in names:
-            raise ValueError(f"no thruster {moment.thruster!r}: there are {', '.join(names)}")
+            meant = did_you_mean(moment.thruster, names)
+            raise ValueError(
+                f"no thruster {moment.thruster!r}: {meant}there are {', '.join(names)}"
+            )
     return replace(vessel, effects=tuple(effects))
 
 

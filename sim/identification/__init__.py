@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from sim.near_names import did_you_mean
 from sim.prediction.segments import BLOCK_S
 from sim.trial import Trial
 from sim.vessel import BASE as BASE
@@ -54,7 +55,8 @@ class IdentifySettings:
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
-            raise ValueError(f"method {self.method!r}: expected one of {', '.join(METHODS)}")
+            meant = did_you_mean(self.method, METHODS)
+            raise ValueError(f"method {self.method!r}: {meant}expected one of {', '.join(METHODS)}")
         if not self.horizons or min(self.horizons) <= 0.0:
             raise ValueError(f"horizons {self.horizons}: expected lengths in seconds")
         for name, share in self.priors.items():

@@ -31,7 +31,7 @@ from sim.identification.parameters import Unknown, unknowns_of
 from sim.identification.shooting import FitInputs
 from sim.model import Model
 from sim.prediction.segments import NoUsableTimeError, require_finite
-from sim.state import Floats, Progress
+from sim.state import CountedStep, Floats, Progress
 from sim.trial import Trial
 from sim.vessel import AddedEffect, Vessel, with_free_curves
 
@@ -356,7 +356,7 @@ def identify_by_recording(
     several, first = len({boat for _, boat in long}) > 1, long[0][1]
     fits = []
     for i, (trial, boat) in enumerate(long):
-        progress(f"{trial.name} ({i + 1} of {len(long)})")
+        progress(CountedStep(f"{trial.name} ({i + 1} of {len(long)})", i, len(long)))
         free = (*settings.free, *own) if several and boat != first else settings.free
         fits.append(fit_recording(trial, vessel, boat, replace(settings, free=free)))
     short = tuple(

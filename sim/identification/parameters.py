@@ -23,6 +23,7 @@ from sim.effects.effect import Parameter, Scope
 from sim.identification import AREAS, MASSES, IdentifySettings
 from sim.identification.fast_damping import AXES, Axis, sizes_of_small_damping
 from sim.model import Model
+from sim.near_names import did_you_mean
 from sim.state import Floats
 from sim.vessel import KNOT_PREFIX, next_knot
 
@@ -47,6 +48,9 @@ UNITS = {
     "angle_high": "rad", "area": "m²", "aspect": "1", "length": "m", "beam": "m", "mass": "kg",
     "area_front": "m²", "area_side": "m²", "antenna_x": "m", "antenna_y": "m",
 }  # fmt: skip
+
+
+GROUPS = (".*", ".curve")  # behind what they are of: many numbers by one name
 
 
 class UnknownNameError(ValueError):
@@ -300,7 +304,9 @@ def _chosen(model: Model, settings: IdentifySettings, still: Container[str]) -> 
         if asked == "curve":
             names = [n for n in known if n.rpartition(".")[2].startswith(KNOT_PREFIX)]
         if not names:
-            raise UnknownNameError(f"no parameter {asked!r}: there are {', '.join(known)}")
+            groups = {f"{n.partition('.')[0]}{end}" for n in known if "." in n for end in GROUPS}
+            meant = did_you_mean(asked, (*known, *sorted(groups)))
+            raise UnknownNameError(f"no parameter {asked!r}: {meant}there are {', '.join(known)}")
         return names
 
     free = {n for asked in settings.free for n in matching(asked)}

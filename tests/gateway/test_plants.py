@@ -71,7 +71,7 @@ def test_the_words_for_a_plant(heavy: None, boat: Path) -> None:
     ("text", "message"),
     [
         ("heavy:", "expected KIND or KIND:FILE"),
-        ("heafy:boat.toml", "no kind 'heafy': there are fmu, heavy, mujoco, vessel"),
+        ("heafy:boat.toml", r"'heafy': did you mean heavy\? there are fmu, heavy, mujoco, vessel"),
         ("heavy:absent.toml", "absent.toml: cannot read the vessel file"),
         ("absent.toml", "^absent.toml: cannot read the vessel file"),
     ],

@@ -209,7 +209,7 @@ MISTAKES = {
         "channel = 4\nazimuth = 90.0",
         "thrusters[1].azimuth = 90.0: expected -3.1416 to 3.1416, in radians: is",
     ),
-    "wash": ('wash = "main"', 'wash = "mian"', "rudders[0]: no thruster named 'mian': there are"),
+    "wash": ('wash = "main"', 'wash = "mian"', "no thruster named 'mian': did you mean main?"),
     "motor": ('motor = "outboard"', 'motor = "x"', "rudders[1]: no thruster named 'x': there are"),
     "blade": ("area = 0.02", "", "rudders[0]: a blade needs its area"),
     "twins": ('"outboard_steering"', '"blade"', "the name 'blade' is given to 2 actuators"),

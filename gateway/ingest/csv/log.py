@@ -32,7 +32,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.errors import BadInput
+from gateway.errors import BadInput, counted
 from gateway.ingest.clock import CONFIRM, JUMP, SECOND, SLEEP, BoatClock
 from gateway.ingest.csv.text import read_text
 from gateway.ingest.csv.units import (
@@ -51,6 +51,7 @@ from gateway.ingest.csv.units import (
 from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, Table
 from gateway.samples import CHANNELS, Quantity, Samples
 from gateway.toml_file import read_toml
+from sim.near_names import did_you_mean
 from sim.state import Floats, Ints
 
 JUMP_S, SLEEP_S, CONFIRM_S = JUMP / SECOND, SLEEP / SECOND, CONFIRM / SECOND
@@ -85,7 +86,7 @@ def repair_time(time_s: Floats) -> TimeColumn:
             piece += before.max() + 1.0 - piece.min()
     lost, notes = int((~kept).sum()), []
     if lost:
-        notes.append(f"{lost} rows left out whose time is none that their neighbours have")
+        notes.append(f"{counted(lost, 'row')} left out: a time far from that of its neighbours")
     if len(pieces) > 1:
         notes.append(f"time leaps within the table: read as {len(pieces)} sessions")
     sessions = tuple((float(p.min()), float(p.max())) for p in pieces if len(p))
@@ -117,8 +118,7 @@ def without_damaged(columns: Mapping[str, Floats]) -> tuple[dict[str, Floats], t
     """
     out = {name: np.where(np.abs(x) > LARGEST, np.nan, x) for name, x in columns.items()}
     count = sum(int((np.isfinite(x) & np.isnan(out[name])).sum()) for name, x in columns.items())
-    cells = "1 cell" if count == 1 else f"{count} cells"
-    note = f"{cells} left out whose number no boat has: beyond {LARGEST:g}"
+    note = f"{counted(count, 'cell')} left out whose number no boat has: beyond {LARGEST:g}"
     return out, (note,) if count else ()
 
 
@@ -210,7 +210,10 @@ def read_mapping(path: Path) -> CsvMapping:
 def _column(path: Path, name: str, entry: Any) -> Column:
     if name not in QUANTITIES:
         known = ", ".join(key for key in QUANTITIES if not key.startswith("channel_"))
-        raise BadInput(f"{path}: unknown quantity {name!r}: expected {known}, channel_1 … 32")
+        meant = did_you_mean(name, QUANTITIES)
+        raise BadInput(
+            f"{path}: unknown quantity {name!r}: {meant}expected {known}, channel_1 … 32"
+        )
     column, unit = _entry(path, name, entry)
     quantity, index, units = QUANTITIES[name]
     factor, offset = _unit(path, name, unit, units)
@@ -242,8 +245,9 @@ def check_names(file: Path, plan: CsvMapping, there: Sequence[str]) -> None:
             )
         if not count:
             known = ", ".join([other for other in there if other][:40])
+            meant = did_you_mean(name, there)
             raise BadInput(
-                f"{file}: no column {name!r}, which {plan.path} names; there are: {known}"
+                f"{file}: no column {name!r}, which {plan.path} names: {meant}there are: {known}"
             )
 
 
@@ -293,7 +297,8 @@ class CsvLog(Log):
         known = np.abs(time) < LATEST_S  # NaN is not
         repaired = repair_time(time[known])
         kept = repaired.time_s
-        absent = () if known.all() else (f"{int((~known).sum())} rows without a time left out",)
+        timeless = counted(int((~known).sum()), "row")
+        absent = () if known.all() else (f"{timeless} without a time left out",)
         statistics = Statistics(
             size_bytes=size,
             accepted=len(kept),

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gateway.errors import BadInput, shell_path
+from gateway.errors import BadInput, counted, shell_path
 from gateway.ingest import is_utf16
 from sim.state import Floats
 
@@ -119,7 +119,7 @@ def _of_width(
         )
     said = ((longer, "left out"), (shorter, "taken as empty at their end"))
     notes = [
-        f"{_first(odd[0], width)}: {len(odd)} rows with {than} cells, {done}"
+        f"{_first(odd[0], width)}: {counted(len(odd), 'row')} with {than} cells, {done}"
         for (odd, done), than in zip(said, ("more", "fewer"), strict=True)
         if odd
     ]

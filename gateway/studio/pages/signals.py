@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Collection, Sequence
-from difflib import get_close_matches
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -29,6 +28,7 @@ from gateway.studio.page import (
     stack,
 )
 from gateway.studio.signals import IN_EXPRESSIONS, Expression, SignalRequest, SignalsView
+from sim.near_names import did_you_mean
 
 SHOWN = 400  # fields in the list: who has more searches
 IDENTIFIER = "a name of letters, digits and _"
@@ -213,8 +213,8 @@ class SignalsPage(Page):
         """BadInput for a signal that the recording shown has not: a slip of the pen, mostly."""
         for one in expression.names if self._every else ():
             if one not in known:
-                near = get_close_matches(one, known, 1)
-                hint = f": did you mean {near[0]}?" if near else ""
+                meant = did_you_mean(one, known)
+                hint = f": {meant.rstrip()}" if meant else ""
                 raise BadInput(f"{one}: no such signal in this recording{hint}")
 
 

@@ -19,7 +19,7 @@ def test_effects_are_listed_and_explained(run: Run, tmp_path: Path) -> None:
     assert 'type = "steady_current"' in explained
     assert "direction" in explained
     assert "line_drag" in run("effects", "--effects", own).out
-    one_line(run("effects", "ghost"), 2, "no effect named 'ghost': there are")
+    one_line(run("effects", "ghost"), 2, "no effect named 'ghost': `shadow effects` lists")
     own.write_text("def (:")
     one_line(run("effects", "--effects", own), 2, str(own), "SyntaxError")
 

@@ -43,7 +43,17 @@ def test_the_version_is_told(run: Run) -> None:
     assert run("--version").out.startswith("shadow-gateway ")
 
 
-def test_no_description_is_cut_off_at_80_columns(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("words", [[], ["vessel"], *([name] for name in COMMANDS)])
+def test_no_line_of_help_is_cut_off_at_80_columns(
+    run: Run, monkeypatch: pytest.MonkeyPatch, words: list[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    lines = run(*words, "--help").out.splitlines()[1:]  # the first is the usage: [ARGS]...
+    assert len(lines) > 3
+    assert [line for line in lines if line.endswith("...")] == []
+
+
+def test_descriptions_are_listed_whole(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "80")
     listed = " ".join(run("--help").out.partition("Commands:")[2].split())
     assert "..." not in listed

@@ -18,6 +18,7 @@ from tests.gateway.command_line import Run
 from tests.gateway.ingest import made_table
 from tests.gateway.ingest.dataflash_writer import voyage_log
 from tests.gateway.ingest.ulog_writer import as_ulog
+from tests.gateway.offline.test_replay import TABLE_COLUMNS
 
 START_NS = 1_700_000_000_000_000_000
 PIECE = ROOT / "recordings" / "otter_piece.tlog"
@@ -96,6 +97,28 @@ def test_what_the_shadow_said_of_an_enclosed_log_is_told_too(tmp_path: Path, kin
     told = log_events(open_log(held), boat)
     assert LogEvent(2.5, "shadow", "warning", "gone") in told
     assert [one for one in told if one.by != "shadow"] == log_events(log, boat)
+
+
+def test_a_table_tells_when_the_boat_was_armed(tmp_path: Path) -> None:
+    table, mapping = tmp_path / "a.csv", tmp_path / "a.toml"
+    rows = [f"{0.1 * k:.1f},0,1,0,{int(10 <= k < 20)}" for k in range(30)]
+    table.write_text("\n".join(["t,yaw,u,v,on", *rows]))
+    mapping.write_text(TABLE_COLUMNS + 'armed = { column = "on", unit = "1" }\n')
+    log = open_log(table)
+    (boat,) = boats_of(log)
+    assert [(one.time_s, one.text) for one in log_events(log, boat)] == [
+        (0.0, "disarmed"), (1.0, "armed"), (2.0, "disarmed"),
+    ]  # fmt: skip
+
+
+def test_a_ulog_tells_arming_and_modes_those_without_a_name_by_number(tmp_path: Path) -> None:
+    written, path = as_ulog(PIECE), tmp_path / "a.ulg"
+    written.add("vehicle_status", max(t for t, _ in written.rows) + 1, 1, 11, 99)
+    path.write_bytes(written.bytes())
+    log = open_log(path)
+    (boat,) = boats_of(log)
+    texts = [one.text for one in log_events(log, boat)]
+    assert texts == ["armed", "mode mission", "disarmed", "mode 99"]
 
 
 def test_the_command_prints_them_and_json_holds_them(run: Run) -> None:

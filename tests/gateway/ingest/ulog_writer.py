@@ -32,7 +32,7 @@ TOPICS = {  # fields behind the timestamp, as PX4 v1.14 has them
     ),
     "actuator_outputs": "float[16] output",
     "actuator_motors": "float[12] control",
-    "vehicle_status": "uint8_t arming_state;uint8_t system_type",
+    "vehicle_status": "uint8_t arming_state;uint8_t system_type;uint8_t nav_state",
     "battery_status": "float voltage_v",
     "wind": "float windspeed_north;float windspeed_east",
 }
@@ -164,7 +164,7 @@ def as_ulog(log_path: Path, boot_us: int = 5_000_000) -> UlogWriter:
     for t, pulses in rows(Quantity.ACTUATORS, "SERVO_OUTPUT_RAW"):
         out.add("actuator_outputs", t, *np.nan_to_num(pulses[:16]))
     for t, (armed,) in rows(Quantity.ARMED, "HEARTBEAT"):
-        out.add("vehicle_status", t, 2 if armed else 1, 11)
+        out.add("vehicle_status", t, 2 if armed else 1, 11, 3 if armed else 0)
     for t, (volts,) in rows(Quantity.VOLTAGE, "SYS_STATUS"):
         out.add("battery_status", t, volts)
     for t, wind in rows(Quantity.WIND, "WIND"):

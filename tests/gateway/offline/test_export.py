@@ -194,9 +194,9 @@ def test_a_table_packed_for_players_reads_back(log: Path, tmp_path: Path) -> Non
         (["--to", "csv", "--rate", "500"], "rate 500.0 Hz: expected 0.5 to 200"),
         (["--to", "csv", "--channel", "33"], "--channel 33: expected 1 to 32"),
         (["--to", "tlog", "--channel", "1"], "--channel chooses servo outputs"),
-        (["--to", "csv", "--topic", "ATTITUD"], "no ATTITUD in it; there are: ATTITUDE"),
-        (["--to", "tlog", "--topic", "ATTITUD"], "no ATTITUD in it; there are: ATTITUDE"),
-        (["--to", "mcap", "--topic", "ATTITUD"], "ATTITUD is no MAVLink message"),
+        (["--to", "csv", "--topic", "ATTITUD"], "ATTITUD in it: did you mean ATTITUDE?"),
+        (["--to", "tlog", "--topic", "ATTITUD"], "ATTITUD in it: did you mean ATTITUDE?"),
+        (["--to", "mcap", "--topic", "ATTITUD"], "no MAVLink message: did you mean ATTITUDE?"),
         (["--to", "tlog", "--system", "9"], "no frame of system 9"),
     ],
 )
@@ -205,6 +205,22 @@ def test_what_cannot_be_exported_is_one_line(
 ) -> None:
     one_line(run("export", log, *words, "--out", tmp_path / "x"), 2, says)
     assert not (tmp_path / "x").exists()
+
+
+def test_messages_leave_no_mapping_of_the_table_that_was_there(
+    run: Run, log: Path, tmp_path: Path
+) -> None:
+    table, mapping = tmp_path / "t.csv", tmp_path / "t.toml"
+    assert run("export", log, "--to", "csv", "--out", table).status == 0
+    words = ["export", log, "--to", "csv", "--topic", "ATTITUDE", "--out", table]
+    told = " ".join(run(*words).out.split())
+    assert f"note: {mapping} is removed: it was another table's mapping" in told.replace("- ", "-")
+    assert not mapping.exists()
+    assert "is removed" not in run(*words).out
+    mapping.write_text("# mine")
+    before = table.read_bytes()
+    one_line(run(*words), 2, f"{mapping}: is there already", "--force")
+    assert (mapping.read_text(), table.read_bytes()) == ("# mine", before)
 
 
 def test_a_table_has_no_frames(run: Run, log: Path, tmp_path: Path) -> None:

@@ -5,8 +5,9 @@ from pathlib import Path
 import pytest
 
 from gateway.errors import BadInput
+from gateway.ingest.log_events import Happenings
 from gateway.studio.serve import StudioOptions, session_of
-from gateway.studio.tasks import fit_task, trials_in
+from gateway.studio.tasks import fit_task, measured_view, trials_in
 from gateway.studio.worker import card_task
 from tests.gateway.ingest.made_table import Traps, boat_toml, written
 from tests.gateway.terminal.test_next_step import COMMANDED, table
@@ -20,6 +21,15 @@ def test_a_table_is_read_with_the_mapping_that_was_given(tmp_path: Path) -> None
     assert trial.channels == (1,)
     with pytest.raises(BadInput, match="needs a mapping file"):
         trials_in(path)
+
+
+def test_a_table_names_no_mode_and_is_drawn_all_the_same(tmp_path: Path) -> None:
+    path, mapping = table(tmp_path, COMMANDED).path, str(tmp_path / "columns of mine.toml")
+    (trial,) = trials_in(path, mapping)
+    view = measured_view(trial, path, Happenings())
+    lanes = view.commands.panels[-1].lanes
+    assert lanes is not None
+    assert set(lanes.texts) == {"armed"}
 
 
 def test_the_session_holds_it_and_a_missing_one_is_one_line(tmp_path: Path) -> None:

@@ -4,15 +4,21 @@ import shlex
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
+
 from gateway.commands.recordings import info
 from gateway.errors import shell_path
 from gateway.ingest.log import Boat
 from gateway.ingest.open import open_log
 from gateway.ingest.survey import Survey, survey
+from gateway.offline.trials import why_unusable
 from gateway.offline.vessel import init_vessel
-from gateway.terminal.recordings import next_step
+from gateway.terminal.next_step import after_info, after_init, log_words
 from tests.conftest import ROOT
+from tests.gateway.command_line import Run, one_line
+from tests.gateway.ingest.scripted import heartbeat
 from tests.gateway.offline.test_replay import TABLE_COLUMNS
+from tests.gateway.pipelines.sailing import parameters, tlog, voyage
 
 COMMANDED = TABLE_COLUMNS + 'channel_1 = { column = "left", unit = "us" }\n'
 
@@ -27,6 +33,19 @@ def table(folder: Path, mapping: str) -> Survey:
     return survey(open_log(path, file))
 
 
+def next_step(found: Survey, mapping: Path | None = None) -> str:
+    """What `info` suggests; the log's own time is looked at."""
+    unusable = why_unusable(open_log(found.path, mapping), found.boats[0].boat.system)
+    return after_info(found, unusable, mapping)
+
+
+@pytest.fixture(autouse=True)
+def _nothing_here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No vessel file is there before one is written."""
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+
+
 def test_init_is_suggested_where_parameters_name_the_motors_and_it_works(tmp_path: Path) -> None:
     log = ROOT / "recordings" / "voyage_1.tlog"
     words = shlex.split(next_step(survey(open_log(log))))
@@ -38,13 +57,70 @@ def test_a_table_is_compared_with_its_mapping_and_its_path_is_quoted(tmp_path: P
     found, mapping = table(tmp_path, COMMANDED), tmp_path / "columns of mine.toml"
     text = next_step(found, mapping)
     assert "shadow init" not in text
-    words = shlex.split(text[text.index("shadow compare") :])
+    prose, command = text.split("\n")
+    assert "shadow" not in prose
+    words = shlex.split(command)
     assert words == ["shadow", "compare", found.path, "--mapping", str(mapping),
                      "--vessel", "boat.toml"]  # fmt: skip
 
 
+def test_init_takes_the_mapping_that_a_table_asks_for(run: Run, tmp_path: Path) -> None:
+    path, out = table(tmp_path, COMMANDED).path, tmp_path / "boat.toml"
+    one_line(run("init", path, "--out", out), 2, "needs a mapping file", "or give --mapping FILE")
+    words = ["init", path, "--mapping", tmp_path / "columns of mine.toml", "--out", out]
+    one_line(run(*words), 2, "a table holds no parameters", "configs/vessels")
+    assert not out.exists()
+
+
 def test_what_is_missing_is_said_where_nothing_works(tmp_path: Path) -> None:
-    assert next_step(table(tmp_path, TABLE_COLUMNS)).startswith("nothing: no commands in it")
+    found = table(tmp_path, TABLE_COLUMNS)
+    text = next_step(found, tmp_path / "columns of mine.toml")
+    assert text.startswith("nothing can be compared in it: no servo outputs in it")
+    assert "shadow " not in text
+
+
+def disarmed(folder: Path) -> Path:
+    """A log of a boat that is never armed, with its parameters."""
+    still = [
+        (t, heartbeat(armed=False) if message.get_type() == "HEARTBEAT" else message)
+        for t, message in voyage(30.0)
+    ]
+    return tlog(folder / "bench.tlog", [*parameters(), *still])
+
+
+def test_a_log_that_was_never_armed_is_not_compared_and_its_parameters_are_of_use(
+    run: Run, tmp_path: Path
+) -> None:
+    log = disarmed(tmp_path)
+    out = run("info", log).out
+    assert "next: nothing can be compared in it: disarmed" in out
+    assert "shadow compare" not in out
+    init = out.split("vessel file:\n")[1].splitlines()[0]
+    done = run(*shlex.split(init)[1:])
+    assert done.status == 0
+    assert "nothing can be in this one: disarmed" in done.out
+    assert "shadow compare" not in done.out
+
+
+def test_a_vessel_file_that_is_there_is_not_to_be_replaced(run: Run) -> None:
+    log = ROOT / "recordings" / "voyage_1.tlog"
+    Path("boat.toml").write_text("# mine")
+    lines = next_step(survey(open_log(log))).splitlines()
+    assert lines[0] == "if boat.toml is this boat's:"
+    assert shlex.split(lines[1])[:2] == ["shadow", "compare"]
+    assert lines[2] == "else:"
+    assert lines[3] == f"  shadow init {log} --out boat_2.toml"
+    assert run(*shlex.split(lines[3])[1:]).status == 0
+    assert next_step(survey(open_log(log))).endswith("--out boat_3.toml")
+
+
+def test_what_init_suggests_can_be_pasted(run: Run) -> None:
+    log = ROOT / "recordings" / "voyage_1.tlog"
+    out = run("init", log, "--anyway", "--out", "my boat.toml").out
+    command = out.split("by hand, then:\n")[1].strip()
+    expected = ["shadow", "compare", str(log), "--anyway", "--vessel", "my boat.toml"]
+    assert shlex.split(command) == expected
+    assert run(*expected[1:]).status == 0
 
 
 def test_a_name_that_begins_with_a_dash_is_no_option(tmp_path: Path, monkeypatch) -> None:  # type: ignore[no-untyped-def]
@@ -53,6 +129,7 @@ def test_a_name_that_begins_with_a_dash_is_no_option(tmp_path: Path, monkeypatch
     line = next_step(survey(open_log("-dash.tlog")))
     assert line == "shadow init ./-dash.tlog --out boat.toml"
     assert open_log(shlex.split(line)[2]).counts()
+    assert shlex.split(after_init(Path("-b.toml"), line, "").splitlines()[1])[-1] == "./-b.toml"
     assert shell_path("my -dash.tlog") == "'my -dash.tlog'"
     assert shell_path(Path("-my dash.tlog")) == "'./-my dash.tlog'"
 
@@ -60,8 +137,10 @@ def test_a_name_that_begins_with_a_dash_is_no_option(tmp_path: Path, monkeypatch
 def test_options_that_a_log_needs_are_there(tmp_path: Path) -> None:
     found = table(tmp_path, COMMANDED)
     copter = replace(found.boats[0], boat=Boat(7, 1, "ArduPilot", "quadrotor"), seconds=99.0)
-    text = next_step(replace(found, boats=(*found.boats, copter)))
+    text = after_info(replace(found, boats=(*found.boats, copter)))
     assert "--system 7 --anyway" in text
+    assert "--system 9" in after_info(found, system=9)  # it was chosen
+    assert log_words("a b.tlog", 3, True) == "'a b.tlog' --system 3 --anyway"
 
 
 def test_info_shows_it(tmp_path: Path, capsys) -> None:  # type: ignore[no-untyped-def]

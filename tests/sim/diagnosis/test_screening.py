@@ -18,6 +18,7 @@ from sim.diagnosis.screening_steps import Begun, Screening
 from sim.effects import learned_spot
 from sim.effects.catalogue import named
 from sim.model import Model
+from sim.state import CountedStep
 from tests.sim.diagnosis.sailed import sailed
 from tests.sim.voyages import WAM_V
 
@@ -151,6 +152,17 @@ def test_starts_looked_at_together_lead_where_each_leads_alone(
         assert one.added == other.added
         assert one.cost == pytest.approx(other.cost)
         assert one.z == pytest.approx(other.z)
+
+
+def test_a_look_at_all_effects_tells_how_many_are_left() -> None:
+    laws = [named("heading_offset"), named("steady_current")]
+    superset = SupersetModel.of(WAM_V, laws)
+    base = fit_base(superset, Model.of(WAM_V), [sailed()], DiagnoseSettings())
+    lines: list[str] = []
+    screening.screen(superset, Model.of(WAM_V), laws, base, lines.append)
+    counted = [line for line in lines if isinstance(line, CountedStep)]
+    assert [(line.done, line.total) for line in counted] == [(1, 2), (2, 2)]
+    assert counted[0] == "1 of 2 effects looked at, last heading_offset"
 
 
 @pytest.mark.slow

@@ -11,6 +11,7 @@ from sim.identification.identify import fitted_model
 from sim.identification.parameters import unknowns_of
 from sim.model import Model
 from sim.prediction.segments import NoUsableTimeError
+from sim.state import CountedStep
 from sim.vessel import KNOT_PREFIX, Vessel, with_free_curves
 from tests.sim.voyages import WAM_V
 
@@ -142,7 +143,11 @@ def test_a_recording_too_short_is_left_out_and_named(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(by_recording, "fit_recording", lambda trial, *_: fits[trial.name])
     trials = [SimpleNamespace(name=f"r{k}", usable=np.ones(100 if k == 1 else 300), dt=0.1)
               for k in range(4)]  # fmt: skip
-    found = by_recording.identify_by_recording(trials, WAM_V)
+    lines: list[CountedStep] = []
+    found = by_recording.identify_by_recording(trials, WAM_V, progress=lines.append)
+    assert [(line, line.done, line.total) for line in lines][1:] == [
+        ("r2 (2 of 3)", 1, 3), ("r3 (3 of 3)", 2, 3),
+    ]  # fmt: skip
     assert [fit.recording for fit in found.fits] == ["r0", "r2", "r3"]
     assert found.notices == ("r1 is left out: 10 s of usable time, 20 s are needed",)
     with pytest.raises(NoUsableTimeError, match="no recording has 20 s"):
