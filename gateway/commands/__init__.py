@@ -13,7 +13,7 @@ import typer
 
 from gateway.errors import BadInput
 from gateway.ingest.open import FORMATS, names_of, takes_mapping
-from gateway.long_running import print_line
+from gateway.long_running import LogFormat, LogLine, print_line
 from gateway.result_json import result_json
 from sim.near_names import did_you_mean
 
@@ -96,6 +96,30 @@ def tell_unused_mapping(given: dict[str, Any]) -> None:
     names = [str(log) for log in logs]
     if given.get("mapping") and names and not any(map(takes_mapping, names)):
         print_progress(f"--mapping is of no use for {', '.join(names)}: only tables take one")
+
+
+def ask_about_vessels(given: dict[str, Any]) -> None:
+    """Ask about numbers in a command's vessel files that no boat has, one line each."""
+    named = given.get("vessel") or ()
+    files = [named] if isinstance(named, str | Path) else named
+    form = LogFormat.JSON if given.get("log") is LogFormat.JSON else LogFormat.TEXT
+    for file in dict.fromkeys(map(str, files)):
+        for question in _questions(file):
+            print_line(LogLine(f"{file}: {question}", "warning"), form)
+
+
+def _questions(given: str) -> list[str]:
+    """Those about one file; of one that cannot be read the command itself tells."""
+    from gateway.files import vessel_path
+    from gateway.vessel_file import read_vessel_file
+    from gateway.vessel_questions import questions
+
+    file = vessel_path(given)
+    file = file if file.exists() else vessel_path(given.partition("=")[2])  # BOAT=FILE
+    try:
+        return list(questions(read_vessel_file(file))) if file.is_file() else []
+    except BadInput:
+        return []
 
 
 def print_result(json: bool, to_dict: Callable[[], Any], show: Callable[[], None]) -> None:
