@@ -11,6 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
+from gateway.commands.completion import vessels_begun
 from gateway.errors import BadInput
 from gateway.ingest.open import FORMATS, names_of, takes_mapping
 from gateway.long_running import LogFormat, LogLine, print_line
@@ -139,11 +140,22 @@ LogFiles = Annotated[
     typer.Argument(metavar="LOG", help=f"Recordings, each {names_of(FORMATS)}."),
 ]
 VesselFile = Annotated[
-    Path, typer.Option("--vessel", "-v", help="Model of the boat (TOML, see configs/vessels).")
+    Path,
+    typer.Option(
+        "--vessel",
+        "-v",
+        help="Model of the boat (TOML, see configs/vessels).",
+        autocompletion=vessels_begun,
+    ),
 ]
 VesselFiles = Annotated[
     list[Path],
-    typer.Option("--vessel", "-v", help="Model of the boat; several are held side by side."),
+    typer.Option(
+        "--vessel",
+        "-v",
+        help="Model of the boat; several are held side by side.",
+        autocompletion=vessels_begun,
+    ),
 ]
 EffectFiles = Annotated[
     list[Path] | None, typer.Option("--effects", help="Python files with effects of your own.")
