@@ -30,6 +30,7 @@ from typer.core import TyperCommand
 
 from gateway.commands import (
     PUBLISH,
+    ask_about_vessels,
     effects,
     fleet,
     live,
@@ -57,11 +58,12 @@ app = typer.Typer(
 
 
 class Command(TyperCommand):
-    """A command that says first what is of no use among its options."""
+    """A command that says first what is odd about its options."""
 
     def invoke(self, ctx: Any) -> Any:
         """Run it."""
         tell_unused_mapping(ctx.params)
+        ask_about_vessels(ctx.params)
         return super().invoke(ctx)
 
 

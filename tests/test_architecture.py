@@ -131,7 +131,7 @@ LAYERS = {
         errors samples topics
         files toml_file long_running keelson json_rows result_json
         user_effects estimation recording bus vessel_tables
-        vessel_file number_keys ingest monitor
+        vessel_file vessel_questions number_keys ingest monitor
         links shadow plants
         config
         live figures

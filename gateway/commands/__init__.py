@@ -11,9 +11,10 @@ from typing import Annotated, Any
 
 import typer
 
+from gateway.commands.completion import vessels_begun
 from gateway.errors import BadInput
 from gateway.ingest.open import FORMATS, names_of, takes_mapping
-from gateway.long_running import print_line
+from gateway.long_running import LogFormat, LogLine, print_line
 from gateway.result_json import result_json
 from sim.near_names import did_you_mean
 
@@ -98,6 +99,30 @@ def tell_unused_mapping(given: dict[str, Any]) -> None:
         print_progress(f"--mapping is of no use for {', '.join(names)}: only tables take one")
 
 
+def ask_about_vessels(given: dict[str, Any]) -> None:
+    """Ask about numbers in a command's vessel files that no boat has, one line each."""
+    named = given.get("vessel") or ()
+    files = [named] if isinstance(named, str | Path) else named
+    form = LogFormat.JSON if given.get("log") is LogFormat.JSON else LogFormat.TEXT
+    for file in dict.fromkeys(map(str, files)):
+        for question in _questions(file):
+            print_line(LogLine(f"{file}: {question}", "warning"), form)
+
+
+def _questions(given: str) -> list[str]:
+    """Those about one file; of one that cannot be read the command itself tells."""
+    from gateway.files import vessel_path
+    from gateway.vessel_file import read_vessel_file
+    from gateway.vessel_questions import questions
+
+    file = vessel_path(given)
+    file = file if file.exists() else vessel_path(given.partition("=")[2])  # BOAT=FILE
+    try:
+        return list(questions(read_vessel_file(file))) if file.is_file() else []
+    except BadInput:
+        return []
+
+
 def print_result(json: bool, to_dict: Callable[[], Any], show: Callable[[], None]) -> None:
     """Print a result on standard output, as JSON or as text."""
     if json:
@@ -115,11 +140,22 @@ LogFiles = Annotated[
     typer.Argument(metavar="LOG", help=f"Recordings, each {names_of(FORMATS)}."),
 ]
 VesselFile = Annotated[
-    Path, typer.Option("--vessel", "-v", help="Model of the boat (TOML, see configs/vessels).")
+    Path,
+    typer.Option(
+        "--vessel",
+        "-v",
+        help="Model of the boat (TOML, see configs/vessels).",
+        autocompletion=vessels_begun,
+    ),
 ]
 VesselFiles = Annotated[
     list[Path],
-    typer.Option("--vessel", "-v", help="Model of the boat; several are held side by side."),
+    typer.Option(
+        "--vessel",
+        "-v",
+        help="Model of the boat; several are held side by side.",
+        autocompletion=vessels_begun,
+    ),
 ]
 EffectFiles = Annotated[
     list[Path] | None, typer.Option("--effects", help="Python files with effects of your own.")

@@ -6,12 +6,16 @@ from typing import Annotated
 import typer
 
 from gateway.commands import AsJson, EffectFiles, Force, effects_from, print_result
+from gateway.commands.completion import effects_begun
 from gateway.errors import BadInput, printable
 from gateway.files import guarded_outputs, named_as
 
 
 def show_effects(
-    name: Annotated[str | None, typer.Argument(help="One effect, explained.")] = None,
+    name: Annotated[
+        str | None,
+        typer.Argument(help="One effect, explained.", autocompletion=effects_begun),
+    ] = None,
     picture: Annotated[
         Path | None, typer.Option(help="With NAME: what it does, as .png or .svg.")
     ] = None,

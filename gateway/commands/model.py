@@ -23,6 +23,7 @@ from gateway.commands import (
     short_help,
     vessel_from,
 )
+from gateway.commands.completion import effects_begun, manoeuvres_begun, vessels_begun
 from gateway.errors import BadInput
 from gateway.files import guarded_outputs, named_as, pictures_there, vessel_path
 
@@ -261,7 +262,10 @@ def diagnose(
 
 
 def add(
-    names: Annotated[list[str], typer.Argument(metavar="EFFECT", help="Effects, by name.")],
+    names: Annotated[
+        list[str],
+        typer.Argument(metavar="EFFECT", help="Effects, by name.", autocompletion=effects_begun),
+    ],
     vessel: VesselFile,
     source: Annotated[
         Path, typer.Option("--from", help="What shadow diagnose --save wrote.", metavar="JSON")
@@ -290,11 +294,17 @@ def plan(
         Path | None, typer.Argument(metavar="[LOG]", help="Choose by what this leaves open.")
     ] = None,
     vessel: Annotated[
-        Path | None, typer.Option("--vessel", "-v", help="Model of the boat (TOML).")
+        Path | None,
+        typer.Option(
+            "--vessel", "-v", help="Model of the boat (TOML).", autocompletion=vessels_begun
+        ),
     ] = None,
     excitation: Annotated[
         str | None,
-        typer.Option(help="Which manoeuvre, see --list. Default: the LOG's choice, or mixed."),
+        typer.Option(
+            help="Which manoeuvre, see --list. Default: the LOG's choice, or mixed.",
+            autocompletion=manoeuvres_begun,
+        ),
     ] = None,
     seconds: Annotated[
         float | None, typer.Option(help="Cut it short or begin it again [s].")
@@ -346,7 +356,12 @@ app = typer.Typer(
     no_args_is_help=True,
     help="Where the numbers of a vessel file come from, how two files differ, what changed when.",
 )
-File = Annotated[Path, typer.Argument(metavar="FILE", help="A vessel file, or one that ships.")]
+File = Annotated[
+    Path,
+    typer.Argument(
+        metavar="FILE", help="A vessel file, or one that ships.", autocompletion=vessels_begun
+    ),
+]
 
 
 def show(file: File, effects: EffectFiles = None, json: AsJson = False) -> None:

@@ -34,6 +34,7 @@ from gateway.commands import (
     settings_from,
     vessel_from,
 )
+from gateway.commands.completion import formats_begun
 from gateway.errors import BadInput, counted, numerical_errors, printable
 from gateway.files import check_place, guarded_outputs, named_as, vessel_path
 
@@ -166,7 +167,13 @@ def replay(
 def export(
     log: LogFile,
     to: Annotated[
-        str, typer.Option("--to", metavar="csv|parquet|tlog|mcap", help="What LOG becomes.")
+        str,
+        typer.Option(
+            "--to",
+            metavar="csv|parquet|tlog|mcap",
+            help="What LOG becomes.",
+            autocompletion=formats_begun,
+        ),
     ],
     out: Annotated[
         Path | None,

@@ -29,6 +29,7 @@ from gateway.vessel_file import (
     number_name,
     read_vessel_file,
 )
+from gateway.vessel_questions import DRAUGHT_PER_BEAM, box_draught, is_within
 from gateway.vessel_tables import (
     ASSUMED_AREAS,
     GUESSED,
@@ -43,8 +44,6 @@ from sim.identification.parameters import UNITS
 from sim.model import parameters_of
 from sim.vessel import Dynamics, Hull, Rudder, Servo, Thruster, Vessel
 
-WATER_KG_M3 = 1000.0
-DRAUGHT_PER_BEAM = (5e-4, 2.0)  # far outside of any boat: of other units
 ASTERN = 0.75  # thrust astern over thrust ahead of a usual propeller; a rule of thumb
 _SIDES = {
     OutputFunction.THROTTLE: 0.0,
@@ -124,9 +123,8 @@ def check_size(given: Mapping[str, float]) -> None:
         if not 0.0 < value < float("inf"):
             raise BadInput(f"--{key.replace('_', '-')} {value}: expected a positive number")
     size = BoatSize(**given)
-    draught = size.mass / (WATER_KG_M3 * size.length * size.beam)  # of a box
-    least, most = DRAUGHT_PER_BEAM
-    if not least < draught / size.beam < most:
+    draught = box_draught(size.length, size.beam, size.mass)
+    if not is_within(draught / size.beam, DRAUGHT_PER_BEAM):
         sizes = f"--length {size.length:g} --beam {size.beam:g} --mass {size.mass:g}"
         raise BadInput(f"{sizes}: such a hull would draw {draught:.2g} m: give all three, in "
                        "metres and kilograms")  # fmt: skip

@@ -69,6 +69,30 @@ def test_a_script_for_the_shell_completes_commands(
     assert "_SHADOW_COMPLETE=complete_bash" in run("--show-completion", "bash").out
 
 
+@pytest.mark.parametrize(
+    ("words", "offered"),
+    [
+        ("export a.tlog --to p", ["parquet"]),
+        ("plan --excitation zig", ["zigzag"]),
+        ("effects steady_w", ["steady_wind"]),
+        ("add steady_c", ["steady_current"]),
+        ("compare a.tlog --vessel o", ["otter", "own.toml"]),
+        ("plan -v ott", ["otter"]),
+        ("vessel show ow", ["own.toml"]),
+    ],
+)
+def test_a_shell_completes_values(
+    run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, words: str, offered: list[str]
+) -> None:
+    (tmp_path / "own.toml").touch()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys.modules["__main__"], "__package__", None)
+    monkeypatch.setenv("_SHADOW_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", f"shadow {words}")
+    monkeypatch.setenv("COMP_CWORD", str(len(words.split())))
+    assert run().out.split() == offered
+
+
 def test_a_mapping_beside_logs_that_are_no_tables_is_said_to_be_of_no_use(
     run: Run, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

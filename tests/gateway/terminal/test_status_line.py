@@ -1,6 +1,7 @@
 """The line that says what is being done; what is worth keeping stays on the screen."""
 
 import io
+import pickle
 
 import pytest
 from rich.console import Console
@@ -100,3 +101,9 @@ def test_of_one_among_many_nothing_is_concluded(clock: Clock) -> None:
     clock.now = 20.0
     line.step(CountedStep("3 of 40 looked at", 3, 40))
     assert shown(line) == "diagnosing: 3 of 40 looked at (20 s so far)"
+
+
+def test_a_counted_step_arrives_whole_from_another_process() -> None:
+    """The studio works in one of its own."""
+    step = pickle.loads(pickle.dumps(CountedStep("2 of 5 looked at", 2, 5)))
+    assert (step, step.done, step.total) == ("2 of 5 looked at", 2, 5)
