@@ -164,18 +164,21 @@ NEVER_NS = np.iinfo(np.int64).min  # no message told of it
 
 class PulseTable(NamedTuple):
     """pulses (S, 32) of each servo channel [µs], NaN = none; active (S,): 1 where any has one;
-    heard_ns (S,): receipt of the message that told of them.
+    heard (S,): receipt of the message that told of them [s], −inf where none ever did, NaN while
+    the boat is disarmed.
     """
 
     pulses: Floats
     active: Floats
-    heard_ns: Ints
+    heard: Floats
 
     @classmethod
     def of(cls, pulses: Floats, heard_ns: Ints | None = None) -> "PulseTable":
         """Pulses (S, 32) [µs], told of then (S,), by nobody where that is not given."""
-        heard = np.full(len(pulses), NEVER_NS) if heard_ns is None else heard_ns
-        return cls(pulses, np.asarray(np.isfinite(pulses).any(axis=1), np.float64), heard)
+        active = np.asarray(np.isfinite(pulses).any(axis=1), np.float64)
+        told = np.full(len(pulses), NEVER_NS) if heard_ns is None else heard_ns
+        known = np.where(active > 0.0, told * 1e-9, np.nan)
+        return cls(pulses, active, np.where(told == NEVER_NS, -np.inf, known))
 
     @classmethod
     def joined(cls, tables: Sequence["PulseTable"]) -> "PulseTable":
@@ -255,12 +258,8 @@ class FilterInputs:
 
     @property
     def heard(self) -> Floats:
-        """Receipt of the last message that told of outputs (K,) [s]; −inf where none ever did, NaN
-        while the boat is disarmed.
-        """
-        heard = self.pulse_table.heard_ns[self.pulse_row]
-        known = np.where(self.active > 0.0, heard * 1e-9, np.nan)
-        return np.where(heard == NEVER_NS, -np.inf, known)
+        """When outputs were last told of (K,) [s], as in `PulseTable`."""
+        return self.pulse_table.heard[self.pulse_row]
 
 
 def filter_inputs_of(

@@ -48,7 +48,7 @@ class DrivenOutputs(NamedTuple):
         while longer, for predictions that began without its thrust.
         """
         times = inputs.events.time_s
-        if not len(times) or (all(self.driven) and float(times[0]) - self.whole >= SETTLE_S):
+        if not len(times) or (all(self.driven) and self._has_settled(float(times[0]))):
             return self, None
         columns = np.array(self.channels, np.int64) - 1
         own = np.isfinite(inputs.pulse_table.pulses[np.ix_(inputs.pulse_row, columns)])
@@ -62,6 +62,10 @@ class DrivenOutputs(NamedTuple):
         bits = np.where(missed, UNDRIVEN, np.where(young | settling, SETTLING, 0))
         after = self._replace(driven=tuple(seen[-1].tolist()), since=since, whole=whole)
         return after, (bits, seen)
+
+    def _has_settled(self, time: float) -> bool:
+        """Whether its outputs had their pulses early enough, or for long enough at that time [s]."""
+        return self.whole - self.since < GRACE_S or time - self.whole >= SETTLE_S
 
     def text(self, seen: NDArray[np.bool_], pulses: Floats) -> str:
         """Which outputs had a pulse so far (na,), pulses (32,) [µs] now, NaN where there is none

@@ -312,7 +312,7 @@ def test_outputs_are_missed_though_messages_overtake_one_another() -> None:
     yaw, rate = turning(100)
     given = inputs(yaw, rate)
     table = given.pulse_table
-    once = given.pulse_table._replace(heard_ns=np.full_like(table.heard_ns, 10**9))
+    once = table._replace(heard=np.ones_like(table.heard))
     late = given.events.time_s - 0.15 * (given.events.kind == MeasurementKind.VELOCITY)
     given = replace(given, pulse_table=once, events=replace(given.events, time_s=late))
     bits = faults(given)
