@@ -64,7 +64,7 @@ class DrivenOutputs(NamedTuple):
         return after, (bits, seen)
 
     def _has_settled(self, time: float) -> bool:
-        """Whether its outputs had their pulses early enough, or for long enough at that time [s]."""
+        """Whether its outputs had pulses early enough, or for long enough at that time [s]."""
         return self.whole - self.since < GRACE_S or time - self.whole >= SETTLE_S
 
     def text(self, seen: NDArray[np.bool_], pulses: Floats) -> str:
