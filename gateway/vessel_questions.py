@@ -32,8 +32,8 @@ def is_within(value: float, bounds: tuple[float, float]) -> bool:
 
 def questions(read: VesselFile) -> Iterator[str]:
     """One question for each number that cannot well be meant."""
-    yield from _of_the_hull(read)
-    yield from _of_the_masses(read)
+    of_the_hull = list(_of_the_hull(read))
+    yield from of_the_hull or _of_the_masses(read)  # masses are measured by those of the hull
     yield from _of_the_places(read)
 
 

@@ -20,7 +20,7 @@ MAX_RUDDERS, MAX_EFFECTS = 16, 48  # each is compiled into the model; the catalo
 MAX_NAME = 100  # characters of a name: tables and pictures have one in each row
 MAX_KEY = 300  # … of a number's: names of an actuator and of what it is
 MAX_SOURCE = 1000  # … of a sentence that people write
-MAX_LISTED = 20_000  # … of what commands list, as the names of hundreds of recordings
+MAX_LISTED = 200_000  # … of what commands list, as the names of thousands of recordings
 FASTEST_S = 1e-3  # a boat that damping stops sooner has a number in the wrong unit
 
 Number = Annotated[float, Ge(-LARGEST), Le(LARGEST)]

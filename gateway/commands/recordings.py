@@ -59,21 +59,22 @@ def info(
     from gateway.ingest.open import open_log
     from gateway.ingest.survey import survey
     from gateway.offline.trials import why_unusable
+    from gateway.terminal import status_line
     from gateway.terminal.next_step import after_info, main_boat
-    from gateway.terminal.recordings import show_events, show_survey
+    from gateway.terminal.recordings import show_events, show_next, show_survey
 
     opened = open_log(log, mapping)
     found = survey(opened, system)
     told = {one.boat: log_events(opened, one.boat) for one in found.boats} if events else {}
 
     def show() -> None:
-        following = ""
-        if found.boats:
-            unusable = why_unusable(opened, main_boat(found).boat.system)
-            following = after_info(found, unusable, mapping, system)
-        show_survey(found, following)
+        show_survey(found)
         for boat, happened in told.items():
             show_events(str(boat), happened)
+        if found.boats:
+            with status_line("what can be done with it"):
+                unusable = why_unusable(opened, main_boat(found).boat.system)
+            show_next(after_info(found, unusable, mapping, system))
 
     def as_json() -> dict[str, object]:
         by_boat = {str(boat): as_dicts(happened) for boat, happened in told.items()}

@@ -36,7 +36,7 @@ from gateway.ingest.mavlink.mapping import BY_SOURCE
 from gateway.ingest.mavlink.mapping import RULES as MAVLINK
 from gateway.ingest.sources import PRIORITY
 from gateway.samples import CHANNELS, Measurement, Quantity
-from gateway.shadow import MOTION, NEVER_NS, FilterInputs, PulseTable
+from gateway.shadow import MOTION, NEVER, FilterInputs, PulseTable
 from sim.state import Floats, Ints
 
 # Chosen, not measured.
@@ -149,7 +149,7 @@ class HeldValues(NamedTuple):
     """What holds until the next message."""
 
     pulses: Floats = NO_PULSES  # (32,) µs
-    heard_ns: int = NEVER_NS  # receipt of the last message that told of some
+    heard: float = NEVER  # receipt of the last message that told of some [s]
     armed: bool = True
     voltage: float = np.nan
     wind: tuple[float, ...] = (np.nan, np.nan)
@@ -281,7 +281,7 @@ class MessageIntake:
         match m.quantity:
             case Quantity.ACTUATORS:
                 pulses = merge_pulses(self._held.pulses, BY_SOURCE[m.source].channels, m.values)
-                self._held = self._held._replace(pulses=pulses, heard_ns=m.receive_time_ns)
+                self._held = self._held._replace(pulses=pulses, heard=m.receive_time_ns * 1e-9)
             case Quantity.VOLTAGE if 0.0 < m.values[0] < MAX_V:
                 self._held = self._held._replace(voltage=m.values[0])
             case Quantity.WIND if max(map(abs, m.values)) < MAX_WIND_MPS:
@@ -337,7 +337,7 @@ class MessageIntake:
             held = self._columns[count] = HeldColumns.of(now, count)
         if self._pulses is None:
             pulses = (now.pulses if now.armed else NO_PULSES)[np.newaxis]
-            self._pulses = PulseTable.of(pulses, np.array([now.heard_ns]))
+            self._pulses = PulseTable.of(pulses, np.array([now.heard if now.armed else np.nan]))
         order = np.array([self._order] * count, np.int64)
         return FilterInputs(
             events, order, plan.complete, vehicle, receive, plan.pulse_row, held.voltage,

@@ -9,6 +9,7 @@ parquet  the same, its mapping inside
 
 import io
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
@@ -19,6 +20,7 @@ import numpy as np
 from gateway.errors import BadInput
 from gateway.files import write_whole
 from gateway.ingest import read_bytes
+from gateway.ingest.csv.log import read_mapping
 from gateway.ingest.log import Log
 from gateway.ingest.mavlink.frames import ids_by_name
 from gateway.ingest.mcap import MAGIC
@@ -122,10 +124,19 @@ def export_files(log: Path, out: Path | None, options: ExportOptions) -> tuple[P
 
 
 def stale_mapping(files: Sequence[Path], options: ExportOptions) -> tuple[Path, ...]:
-    """The mapping beside a .csv that will hold another table: it would be read by it."""
+    """The mapping beside a .csv that will hold another table: it would be read by it. What is no
+    mapping, a vessel file say, stays.
+    """
     beside = files[0].with_suffix(".toml")
     is_other = options.format is ExportFormat.CSV and not options.aligned
-    return (beside,) if is_other and beside.exists() else ()
+    return (beside,) if is_other and beside.exists() and _is_mapping(beside) else ()
+
+
+def _is_mapping(file: Path) -> bool:
+    with suppress(BadInput):
+        read_mapping(file)
+        return True
+    return False
 
 
 def without(stale: Sequence[Path], done: Exported) -> Exported:

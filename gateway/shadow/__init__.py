@@ -159,13 +159,13 @@ BLIND_S = 30.0  # … for at most this long
 TABLE = "pulse_table"  # of `FilterInputs`: no column
 
 
-NEVER_NS = np.iinfo(np.int64).min  # no message told of it
+NEVER = -np.inf  # no message told of it
 
 
 class PulseTable(NamedTuple):
     """pulses (S, 32) of each servo channel [µs], NaN = none; active (S,): 1 where any has one;
-    heard (S,): receipt of the message that told of them [s], −inf where none ever did, NaN while
-    the boat is disarmed.
+    heard (S,): receipt of the message that told of them [s], −inf where none ever did, NaN where
+    none has to: the boat is disarmed, or a table holds values until they change.
     """
 
     pulses: Floats
@@ -173,12 +173,9 @@ class PulseTable(NamedTuple):
     heard: Floats
 
     @classmethod
-    def of(cls, pulses: Floats, heard_ns: Ints | None = None) -> "PulseTable":
-        """Pulses (S, 32) [µs], told of then (S,), by nobody where that is not given."""
-        active = np.asarray(np.isfinite(pulses).any(axis=1), np.float64)
-        told = np.full(len(pulses), NEVER_NS) if heard_ns is None else heard_ns
-        known = np.where(active > 0.0, told * 1e-9, np.nan)
-        return cls(pulses, active, np.where(told == NEVER_NS, -np.inf, known))
+    def of(cls, pulses: Floats, heard: Floats) -> "PulseTable":
+        """Pulses (S, 32) [µs], and when they were told of (S,)."""
+        return cls(pulses, np.asarray(np.isfinite(pulses).any(axis=1), np.float64), heard)
 
     @classmethod
     def joined(cls, tables: Sequence["PulseTable"]) -> "PulseTable":
@@ -407,16 +404,18 @@ def _latest_pulses(
     The first row has none, before the first message, nor has the last, while the boat is disarmed.
     """
     none, family = np.full((1, CHANNELS), np.nan), command_family(decoded, choices)
-    if not family:
-        return PulseTable.of(none), np.zeros(len(order), np.int64)
-    changes, heard = (
-        np.concatenate([getattr(samples, column) for samples in family])
-        for column in ("order", "receive_time_ns")
-    )
-    sequence = np.argsort(changes, kind="stable")
-    changes, heard = changes[sequence], heard[sequence]
-    pulses = merged_channels(family, [_by_order(samples).at(changes) for samples in family])
+    changes, pulses, heard = np.zeros(0, np.int64), none[:0], np.zeros(0)
+    if family:
+        changes, times = (
+            np.concatenate([getattr(samples, column) for samples in family])
+            for column in ("order", "receive_time_ns")
+        )
+        sequence = np.argsort(changes, kind="stable")
+        changes, heard = changes[sequence], times[sequence] * 1e-9
+        pulses = merged_channels(family, [_by_order(samples).at(changes) for samples in family])
     row = np.searchsorted(changes, order, side="right")
-    row[(_latest(choices, "armed", order, 1)[:, 0] == 0.0) & (row > 0)] = len(changes) + 1
-    told = np.concatenate([[NEVER_NS], heard, heard[-1:]])
+    row[_latest(choices, "armed", order, 1)[:, 0] == 0.0] = len(changes) + 1
+    told = np.concatenate([[NEVER], heard, [np.nan]])
+    if decoded.tabular:
+        told[:] = np.nan
     return PulseTable.of(np.concatenate([none, pulses, none]), told), row

@@ -42,7 +42,9 @@ FROZEN_S, FROZEN_COUNT = 3.0, 8
 FROZEN_COARSE_S = 5.0  # of a source with few digits
 MOVING_MPS = 0.3  # above it a position cannot stand still
 TURNED_RAD = 0.2  # by the gyro, while a coarse heading stood still
-UNHEARD_S = 3.0  # outputs that are told at all are told more often
+UNHEARD_S = 3.0  # outputs that are told at all are mostly told more often; of a slow stream …
+UNHEARD_GAPS, GAP_KEPT = 2.5, 0.9  # … so many of its gaps count, the longest less with each …
+SLOW_UNHEARD_S = 12.0  # … but at most this, as of one that has not been told of often yet
 MAX_SILENT_STEP_S = 1.0  # of a longer silence of all it counts so much
 
 
@@ -122,11 +124,12 @@ Z0, Z1, TIME, CHANGED, SAME, TURNED_THEN = range(6)
 # … and places of the rest: rate and integral of the gyro, that at the last heading, the heading's
 # sum of jumps (forgotten, and since it jumped), when it jumped, a fix was seen, the last fault, …,
 # mean turn rate and how far it has been from that, since when fix or EKF are reported to be ill, …
-# when outputs were last told of, for how long others have talked since, and the last event
+# when outputs were last told of, for how long others have talked since, the last event, and how far
+# apart outputs are told
 (
     TURN, ANGLE, ANGLE_THEN, LEAK, OFFSET, JUMPED, HAD_FIX, UNFIT, BITS, SPEED, MEAN, SPREAD,
-    STATUS, HEARD, DEAF, LAST,
-) = range(16)  # fmt: skip
+    STATUS, HEARD, DEAF, LAST, APART,
+) = range(17)  # fmt: skip
 
 
 @compiled
@@ -207,7 +210,12 @@ def note_outputs(rest: Floats, time: float, heard: float) -> None:
     Where all are silent there is nothing to be judged, and who talks first after that is chance.
     Messages of a log overtake one another by a little; a clock that starts anew goes back by more.
     """
+    if np.isnan(heard):
+        rest[LAST] = time  # disarmed: nobody has to tell, and what was missed still is
+        return
     if heard != rest[HEARD]:
+        if np.isfinite(rest[HEARD]):
+            rest[APART] = max(heard - rest[HEARD], GAP_KEPT * rest[APART])
         rest[HEARD], rest[DEAF], rest[LAST] = heard, 0.0, time
     step = time - rest[LAST]
     if step > 0.0 or step < -MAX_SILENT_STEP_S:
@@ -227,7 +235,7 @@ def check_events(
 
     events  time (K,), kind (K,), z (K, 2)
     held    GPS fix (K,) and faults of the estimator (K,), NaN where unknown; armed (K,), 1 or 0;
-            when its outputs were last told of (K,) [s], −inf: never, NaN: that does not matter
+            when its outputs were last told of (K,) [s], −inf: never, NaN: nobody has to
     """
     time, kind, z = events
     fix, estimator, armed, heard = held
@@ -268,7 +276,7 @@ def check_events(
             bits |= COMPASS
         if what != TICK:
             note_outputs(rest, now, heard[k])
-        if rest[DEAF] > UNHEARD_S:
+        if rest[DEAF] > min(max(UNHEARD_S, UNHEARD_GAPS * rest[APART]), SLOW_UNHEARD_S):
             bits |= UNHEARD
         if bits or status or jumped >= 0.0:
             rest[UNFIT] = now
@@ -303,9 +311,9 @@ class SensorMemory:
         if kinds is None or rest is None:
             kinds = np.zeros((len(FROZEN_BIT), 6))
             kinds[:, Z0], kinds[:, TIME] = np.nan, -np.inf
-            rest = np.zeros(16)
+            rest = np.zeros(17)
             rest[JUMPED], rest[UNFIT], rest[STATUS] = np.inf, -np.inf, np.inf
-            rest[HEARD] = rest[LAST] = np.nan
+            rest[HEARD], rest[LAST], rest[APART] = np.nan, np.nan, SLOW_UNHEARD_S
         self._kinds, self._rest = kinds, rest
 
     def check(self, inputs: FilterInputs) -> tuple["SensorMemory", Ints]:

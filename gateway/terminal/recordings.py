@@ -25,8 +25,8 @@ if TYPE_CHECKING:  # `shadow info` needs none of them
     from gateway.offline.simulate import SimulationResult
 
 
-def show_survey(found: Survey, following: str) -> None:
-    """The recording, its boats, its messages, and what comes next."""
+def show_survey(found: Survey) -> None:
+    """The recording, its boats, its messages."""
     out, s = ResultConsole(), found.statistics
     out.print(
         f"[bold]{escape(str(found.path))}[/bold]: {found.kind}, {s.size_bytes / 1e6:.2f} MB, "
@@ -49,13 +49,11 @@ def show_survey(found: Survey, following: str) -> None:
     if not found.boats:
         out.print("no boat in it: nobody but ground stations spoke, or nobody said what it is")
     _show_messages(out, found)
-    _show_next(out, following)
 
 
-def _show_next(out: ResultConsole, following: str) -> None:
+def show_next(following: str) -> None:
     """What comes next; a command goes on in one line, however long, so that it can be pasted."""
-    if following:
-        out.print(f"next: {following}", highlight=False, markup=False, soft_wrap=True)
+    ResultConsole().print(f"next: {following}", highlight=False, markup=False, soft_wrap=True)
 
 
 def _show_boat(out: ResultConsole, one: BoatSurvey) -> None:
@@ -119,7 +117,7 @@ def show_initial_vessel(made: VesselFile, out: Path, following: str) -> None:
     for text, keys in origins.items():
         console.print(f"{text}: {', '.join(keys)}", highlight=False)
     console.path("written", out)
-    _show_next(console, following)
+    show_next(following)
 
 
 CHANNELS = ("x", "y", "psi", "u", "v", "r")

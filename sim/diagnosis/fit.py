@@ -239,6 +239,11 @@ def may_join(effect: Effect, added: Iterable[AddedEffect]) -> bool:
     return not held and (not effect.beside or effect.beside in names)
 
 
+def is_needed(effect: Effect, added: Iterable[AddedEffect]) -> bool:
+    """Whether another one of them is there only because this one is."""
+    return any(a.effect.beside == effect.name for a in added)
+
+
 def unknowns_for(
     superset: SupersetModel, added: Sequence[AddedEffect], trials: int, settings: IdentifySettings
 ) -> Unknowns:

@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim.diagnosis import thresholds
-from sim.diagnosis.fit import Fit, final_fit
+from sim.diagnosis.fit import Fit, final_fit, is_needed
 from sim.diagnosis.force_search import ForceProblem, fit_under_its_noise, search_forces
 from sim.diagnosis.heldout import RankedEffect, Ranking, is_better_than_special, rank
 from sim.diagnosis.likelier import LikelihoodSearch, are_few, unlikely
@@ -229,6 +229,8 @@ class EffectSearch(LikelihoodSearch):
         """
         promising = None if last else {row.name for step in steps for row in step.finalists}
         for i, step in enumerate(steps if last else steps[:-1]):
+            if is_needed(step.best.effect, fit.added):
+                continue
             ranking = self.rank(self._without(fit, {i}), among=promising, present=fit)
             ranking = ranking if ranking.finalists else step
             best, old = ranking.best, step.best.name
@@ -391,6 +393,8 @@ class EffectSearch(LikelihoodSearch):
     def _fewer(self, steps: list[Ranking], fit: Fit, i: int) -> tuple[list[Ranking], Fit] | None:
         """Without the i-th effect, where it is not missed."""
         effect = fit.effects()[i].effect
+        if is_needed(effect, fit.added):
+            return None
         for left, other in self._without_one(steps, fit, i):
             missed = is_missed(effect, self._gain_over(fit, other))
             if not missed and not is_worse_elsewhere(self.scorer, fit, other):

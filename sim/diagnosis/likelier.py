@@ -15,7 +15,7 @@ from itertools import combinations
 
 from sim.diagnosis import thresholds
 from sim.diagnosis.candidates import CandidateSearch
-from sim.diagnosis.fit import Fit
+from sim.diagnosis.fit import Fit, is_needed
 from sim.diagnosis.fit_problem import FitProblem, nats_of
 from sim.diagnosis.force_search import ForceProblem, fit_under_its_noise, in_place_by_forces
 from sim.diagnosis.heldout import Ranking, is_better_than_special
@@ -47,6 +47,9 @@ class LikelihoodSearch(CandidateSearch):
         self, steps: list[Ranking], fit: Fit, at: set[int], among: set[str]
     ) -> Iterator[tuple[list[Ranking], Fit]]:
         """The most likely of some effects in these places, where it is more likely and believed."""
+        left = [a for i, a in enumerate(fit.added) if i not in at]
+        if any(is_needed(fit.added[i].effect, left) for i in at):
+            return
         self.progress(f"in the place of {' and '.join(fit.names[i] for i in sorted(at))}")
         ranking = self.in_place_of(fit, at, among)
         rows = sorted(ranking.finalists, key=lambda r: unlikely(fit.problem, r.fit))
@@ -70,6 +73,8 @@ class LikelihoodSearch(CandidateSearch):
         promising = _promising(first, steps)
         problem = ForceProblem.of(self.superset, fit.problem.trials, fit.problem.settings)
         for step in list(steps):
+            if is_needed(step.best.effect, fit.added):
+                continue
             self.progress(f"what does as well as {step.best.name}, from the missing forces")
             fit = fit_under_its_noise(fit, fit.problem)  # as what is tried will be
             place, present = fit.names.index(step.best.name), step.best.effect

@@ -25,7 +25,7 @@ SHIPPED = sorted((ROOT / "configs" / "vessels").glob("*.toml"))
 STEERED = (ROOT / "configs" / "vessels" / "steered.toml").read_text(encoding="utf-8")
 TABLE = "[[-1, -1], [0, 0], [0.2, 0.4], [0.5, 0.3], [1, 1]]"
 CURRENT = '[[effects]]\ntype = "steady_current"\nspeed = 0.3\ndirection = 1.2\n'
-LONG = "n" * 30_000
+LONG = "n" * 300_000
 
 positive = st.floats(1.0, 1e6)
 damping = st.floats(-1e3, 0.0)
@@ -430,7 +430,7 @@ def test_a_table_of_thrust_comes_back_and_may_be_shared(tmp_path: Path) -> None:
 
 
 def test_what_commands_list_and_names_after_files_fit_into_a_file() -> None:
-    recordings = listed(f"voyage {k}" for k in range(10_000))
+    recordings = listed(f"voyage {k}" for k in range(30_000))
     assert recordings.startswith("voyage 0, voyage 1, ")
     assert Provenance(recording=recordings).recording[-1] == "…"
     assert listed(["a", "b"]) == "a, b"

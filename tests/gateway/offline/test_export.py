@@ -217,10 +217,24 @@ def test_messages_leave_no_mapping_of_the_table_that_was_there(
     assert f"note: {mapping} is removed: it was another table's mapping" in told.replace("- ", "-")
     assert not mapping.exists()
     assert "is removed" not in run(*words).out
-    mapping.write_text("# mine")
+    mine = '[time]\ncolumn = "t"\nunit = "s"\n[columns]\nyaw = { column = "psi", unit = "rad" }\n'
+    mapping.write_text(mine)
     before = table.read_bytes()
     one_line(run(*words), 2, f"{mapping}: is there already", "--force")
-    assert (mapping.read_text(), table.read_bytes()) == ("# mine", before)
+    assert (mapping.read_text(), table.read_bytes()) == (mine, before)
+
+
+def test_a_vessel_file_beside_a_table_is_no_mapping_and_stays(
+    run: Run, log: Path, tmp_path: Path, boat: Path
+) -> None:
+    vessel = tmp_path / "boat.toml"
+    text = boat.read_text()
+    vessel.write_text(text)
+    words = ["--to", "csv", "--topic", "ATTITUDE", "--out", tmp_path / "boat.csv", "--force"]
+    done = run("export", log, *words)
+    assert done.status == 0
+    assert "removed" not in done.out
+    assert vessel.read_text() == text
 
 
 def test_a_table_has_no_frames(run: Run, log: Path, tmp_path: Path) -> None:

@@ -325,7 +325,7 @@ def told_of(
     away = (given.feed.events.time_s - begun >= lost_gps[0]) & (
         given.feed.events.time_s - begun < lost_gps[1]
     )
-    told = PulseTable.of(pulses)._replace(heard=table.heard)
+    told = PulseTable.of(pulses, table.heard)
     feed = replace(given.feed, pulse_table=told, gps_fix=np.where(away, 1.0, 3.0))
     state, detector, events = path.start(), EventDetector.of(vessel), list[tuple[str, str]]()
     times, fit = list[float](), list[bool]()

@@ -24,6 +24,7 @@ from gateway.shadow.sensor_checks import (
     FROZEN_S,
     JUMP_HELD_S,
     SETTLE_S,
+    SLOW_UNHEARD_S,
     STATUS_CONFIRMED_S,
     UNHEARD_S,
     WORDS,
@@ -32,6 +33,7 @@ from gateway.shadow.sensor_checks import (
     reported_well,
     unfit_text,
 )
+from gateway.simulated_boat import FAST
 from gateway.simulated_boat.telemetry import (
     FROZEN,
     WELL,
@@ -149,12 +151,12 @@ def test_what_is_lost_is_said_at_its_begin_and_its_end_and_withheld_between() ->
     assert not ((judged > LOST.from_s + FAULTS["ekf"][1]) & (judged < LOST.to_s)).any()
 
 
-def heard_without(gone: Span, *kinds: str) -> list[tuple[float, str, str]]:
+def heard_without(gone: Span, *kinds: str, **rates: float) -> list[tuple[float, str, str]]:
     """Events of 40 s in which no message of those kinds comes for a while; all where none named."""
     with Deck() as deck:
         wire = [
             item
-            for item in datagrams(played(40.0))
+            for item in datagrams(played(40.0, rates={**FAST, **rates}))
             if not gone.has(item.receive_time_ns * 1e-9 - UNIX_S)
             or (kinds and item.frames[0].message.get_type() not in kinds)
         ]
@@ -178,13 +180,32 @@ def test_outputs_that_are_told_no_more_are_said_and_judge_nothing() -> None:
 
 
 def test_outputs_that_nobody_has_ever_told_of_judge_nothing_and_do_not_come_again() -> None:
-    happened = heard_without(Span(0.0, 12.0), "SERVO_OUTPUT_RAW")
+    happened = heard_without(Span(0.0, 20.0), "SERVO_OUTPUT_RAW")
     ((failed, text),) = [(at, says) for at, kind, says in happened if kind == "sensor_failed"]
     ((_, there),) = [(at, says) for at, kind, says in happened if kind == "sensor_restored"]
     assert text == "nobody tells of the outputs: until that is over the model is not judged"
-    assert failed < 2.0 + UNHEARD_S
+    assert SLOW_UNHEARD_S < failed < 3.0 + SLOW_UNHEARD_S
     assert there.startswith("the outputs are told, after ")
     assert there.endswith("the model is judged from now on")
+
+
+@pytest.mark.parametrize("hz", [0.3, 0.7])
+def test_outputs_that_are_told_seldom_are_told(hz: float) -> None:
+    happened = heard_without(Span(0.0, 0.0), SERVO_OUTPUT_RAW=hz)
+    assert not [says for _, kind, says in happened if kind == "sensor_failed"]
+
+
+def test_nobody_has_to_tell_of_outputs_while_the_boat_is_disarmed() -> None:
+    """Nor does what was missed before come again by that."""
+    yaw, rate = turning(400)
+    given = inputs(yaw, rate)
+    time = given.events.time_s
+    table = given.pulse_table
+    never = replace(given, pulse_table=table._replace(heard=np.full_like(time, np.nan)))
+    assert not faults(never).any()
+    silent = np.where(time < 20.0, np.minimum(time, 4.0), np.nan)
+    missed = faults(replace(given, pulse_table=table._replace(heard=silent)))
+    assert (missed[100:] == SensorFault.UNHEARD).all()
 
 
 def test_a_link_that_is_silent_as_a_whole_says_nothing_of_outputs() -> None:
@@ -287,7 +308,7 @@ def inputs(
     noise = 1e-4 * np.random.default_rng(1).standard_normal(count)
     z[0::3, 0], z[1::3, 0], z[2::3, 0] = yaw, rate, speed + noise
     ns = (time * 1e9).astype(np.int64)
-    pulses = PulseTable.of(np.full((3 * count, CHANNELS), 1600.0 if armed else np.nan), ns)
+    pulses = PulseTable.of(np.full((3 * count, CHANNELS), 1600.0 if armed else np.nan), time)
     one = np.ones(3 * count)
     return FilterInputs(
         Events(time, np.tile([int(k) for k in kinds], count), z, np.ones((3 * count, 2))),
@@ -309,16 +330,16 @@ def turning(count: int, rate: float = 0.3, seed: int = 0) -> tuple[Any, Any]:
 
 
 def test_outputs_are_missed_though_messages_overtake_one_another() -> None:
-    yaw, rate = turning(100)
+    yaw, rate = turning(200)
     given = inputs(yaw, rate)
     table = given.pulse_table
     once = table._replace(heard=np.ones_like(table.heard))
     late = given.events.time_s - 0.15 * (given.events.kind == MeasurementKind.VELOCITY)
     given = replace(given, pulse_table=once, events=replace(given.events, time_s=late))
     bits = faults(given)
-    silent = np.arange(100) / 10.0 - 0.15
-    assert not bits[silent < UNHEARD_S - 0.3].any()
-    assert (bits[silent > UNHEARD_S + 0.3] == SensorFault.UNHEARD).all()
+    silent = np.arange(200) / 10.0 - 0.15
+    assert not bits[silent < SLOW_UNHEARD_S - 0.5].any()
+    assert (bits[silent > SLOW_UNHEARD_S + 0.5] == SensorFault.UNHEARD).all()
 
 
 def test_how_inputs_are_cut_makes_no_difference() -> None:

@@ -14,6 +14,8 @@ from sim.diagnosis.fit import (
     final_fit,
     fit_effects,
     from_given_base,
+    is_needed,
+    may_join,
     start_values,
     unknowns_for,
     with_event_moved,
@@ -37,6 +39,32 @@ BEND = 4.0  # standard deviations, where a residual begins to count less
 def fit() -> Fit:
     """The base on a voyage that it explains."""
     return fit_base(SupersetModel.of(WAM_V, ()), Model.of(WAM_V), [sailed()], DiagnoseSettings())
+
+
+def added(*names: str) -> list[AddedEffect]:
+    return [AddedEffect(named(n), {p.name: p.start for p in named(n).parameters}) for n in names]
+
+
+@pytest.mark.parametrize(
+    ("name", "present", "may"),
+    [
+        ("crossing_waves", [], False),  # a second train is none without the first
+        ("crossing_waves", ["hull_lift"], False),
+        ("crossing_waves", ["hull_lift", "wave_motion"], True),
+        ("crossing_waves", ["wave_motion", "crossing_waves"], False),
+        ("wave_motion", [], True),
+        ("steady_current", ["current_change"], False),  # held by it
+        ("current_change", ["steady_current"], False),
+    ],
+)
+def test_what_may_stand_beside_what_is_there(name: str, present: list[str], may: bool) -> None:
+    assert may_join(named(name), added(*present)) is may
+
+
+def test_the_first_train_is_needed_while_the_second_is_there() -> None:
+    assert is_needed(named("wave_motion"), added("wave_motion", "crossing_waves"))
+    assert not is_needed(named("wave_motion"), added("wave_motion", "hull_lift"))
+    assert not is_needed(named("crossing_waves"), added("wave_motion", "crossing_waves"))
 
 
 def cost(fit: Fit, z: Floats, rows: Floats) -> float:
