@@ -45,6 +45,8 @@ TURNED_RAD = 0.2  # by the gyro, while a coarse heading stood still
 UNHEARD_S = 3.0  # outputs that are told at all are mostly told more often; of a slow stream …
 UNHEARD_GAPS, GAP_KEPT = 2.5, 0.9  # … so many of its gaps count, the longest less with each …
 SLOW_UNHEARD_S = 12.0  # … but at most this, as of one that has not been told of often yet
+MOST_COUNTED_S = 2.0
+SELDOM_S, OFTEN_S = 0.8, 0.6  # mean gaps beyond and below which outputs are told too seldom or not
 MAX_SILENT_STEP_S = 1.0  # of a longer silence of all it counts so much
 
 
@@ -65,6 +67,7 @@ class SensorFault(IntFlag):
     SETTLING = 2048  # all is well again, but only just
     UNDRIVEN = 4096  # a motor of the vessel file has never had a pulse, others have
     UNHEARD = 8192  # nobody tells of the outputs, or not any more
+    SELDOM = 16384  # so seldom that nobody knows what the motors did between
 
 
 REASONS = tuple(fault for fault in SensorFault if fault is not SensorFault.SETTLING)
@@ -99,15 +102,20 @@ WORDS: dict[SensorFault, tuple[str, str]] = {
         "an output of the vessel file gets no pulse", "all outputs of the vessel file get pulses",
     ),
     SensorFault.UNHEARD: ("nobody tells of the outputs", "the outputs are told again"),
+    SensorFault.SELDOM: (
+        "the outputs are told too seldom (twice a second is enough)",
+        "the outputs are told often enough",
+    ),
 }  # fmt: skip
 
 YAW, YAW_RATE = int(MeasurementKind.YAW), int(MeasurementKind.YAW_RATE)
 VELOCITY, POSITION = int(MeasurementKind.VELOCITY), int(MeasurementKind.POSITION)
 BODY_VELOCITY, TICK = int(MeasurementKind.BODY_VELOCITY), int(MeasurementKind.TICK)
-GPS, COMPASS, SETTLING, UNHEARD = (
+GPS, COMPASS, SETTLING, UNHEARD, SELDOM = (
     int(fault)
     for fault in (
         SensorFault.GPS, SensorFault.COMPASS, SensorFault.SETTLING, SensorFault.UNHEARD,
+        SensorFault.SELDOM,
     )
 )  # fmt: skip
 EKF_SHIFT = 1  # of the bits of `gateway.ingest.mapping.EstimatorFault` among these
@@ -125,11 +133,11 @@ Z0, Z1, TIME, CHANGED, SAME, TURNED_THEN = range(6)
 # sum of jumps (forgotten, and since it jumped), when it jumped, a fix was seen, the last fault, …,
 # mean turn rate and how far it has been from that, since when fix or EKF are reported to be ill, …
 # when outputs were last told of, for how long others have talked since, the last event, and how far
-# apart outputs are told
+# apart outputs are told at most and on average
 (
     TURN, ANGLE, ANGLE_THEN, LEAK, OFFSET, JUMPED, HAD_FIX, UNFIT, BITS, SPEED, MEAN, SPREAD,
-    STATUS, HEARD, DEAF, LAST, APART,
-) = range(17)  # fmt: skip
+    STATUS, HEARD, DEAF, LAST, APART, MEAN_APART,
+) = range(18)  # fmt: skip
 
 
 @compiled
@@ -215,7 +223,10 @@ def note_outputs(rest: Floats, time: float, heard: float) -> None:
         return
     if heard != rest[HEARD]:
         if np.isfinite(rest[HEARD]):
-            rest[APART] = max(heard - rest[HEARD], GAP_KEPT * rest[APART])
+            gap = heard - rest[HEARD]
+            rest[APART] = max(gap, GAP_KEPT * rest[APART])
+            counted = min(max(gap, 0.0), MOST_COUNTED_S)  # one silence makes no slow stream
+            rest[MEAN_APART] += (1.0 - GAP_KEPT) * (counted - rest[MEAN_APART])
         rest[HEARD], rest[DEAF], rest[LAST] = heard, 0.0, time
     step = time - rest[LAST]
     if step > 0.0 or step < -MAX_SILENT_STEP_S:
@@ -278,6 +289,13 @@ def check_events(
             note_outputs(rest, now, heard[k])
         if rest[DEAF] > min(max(UNHEARD_S, UNHEARD_GAPS * rest[APART]), SLOW_UNHEARD_S):
             bits |= UNHEARD
+        seldom = bool(int(rest[BITS]) & SELDOM)
+        if rest[MEAN_APART] > (OFTEN_S if seldom else SELDOM_S):
+            bits |= SELDOM
+            rest[BITS] = int(rest[BITS]) | SELDOM
+        elif seldom:
+            bits &= ~SELDOM
+            rest[BITS] = int(rest[BITS]) & ~SELDOM
         if bits or status or jumped >= 0.0:
             rest[UNFIT] = now
         if bits == 0 and 0.0 <= now - rest[UNFIT] < SETTLE_S:
@@ -287,7 +305,8 @@ def check_events(
 
 REPORTED = sum(int(fault) << EKF_SHIFT for fault in EstimatorFault) | GPS  # by the boat itself
 UNDRIVEN = int(SensorFault.UNDRIVEN)
-ALWAYS_WELL = sum(map(int, REASONS)) & ~REPORTED & ~UNDRIVEN & ~UNHEARD  # until seen to fail
+# until it was seen to fail
+ALWAYS_WELL = sum(map(int, REASONS)) & ~REPORTED & ~UNDRIVEN & ~UNHEARD
 
 
 def reported_well(fix: float, estimator: float, heard: float = np.nan) -> int:
@@ -311,7 +330,7 @@ class SensorMemory:
         if kinds is None or rest is None:
             kinds = np.zeros((len(FROZEN_BIT), 6))
             kinds[:, Z0], kinds[:, TIME] = np.nan, -np.inf
-            rest = np.zeros(17)
+            rest = np.zeros(18)
             rest[JUMPED], rest[UNFIT], rest[STATUS] = np.inf, -np.inf, np.inf
             rest[HEARD], rest[LAST], rest[APART] = np.nan, np.nan, SLOW_UNHEARD_S
         self._kinds, self._rest = kinds, rest
