@@ -40,6 +40,9 @@ from sim.vessel import Servo
 SPLIT_S = 30.0  # a longer silence of heading or velocity ends a trial; chosen, not measured
 SERVO_SETTINGS = ("MIN", "TRIM", "MAX", "REVERSED")  # of an output
 SHORTEST_S = 5.0  # of a trial; chosen, not measured
+# A voyage whose outputs were thinned: its own vessel errs by 2.0 floors at 1 Hz, 1.25 at 2 Hz, as
+# much as noise at 4 Hz.
+SELDOM_HZ, ENOUGH_HZ = 1.8, 4.0
 
 # A trial holds the heading that the compass reported: what the filter would set aside as a slow
 # error of the compass is for the sensor effects to explain. With 1.1° of it, sway at 1.6 m/s was
@@ -191,10 +194,23 @@ def source_of(log: Log, options: TrialOptions) -> "TrialSource":
         held_inputs(decoded, choices, epoch_ns),
         parameters,
         settings,
-        table.notices,
+        (*table.notices, *([] if decoded.tabular else told_too_seldom(choices))),
         contradictions,
         deviation,
     )
+
+
+def told_too_seldom(choices: Mapping[str, Choice]) -> list[str]:
+    """That outputs are told so seldom that nobody knows what the motors did between; a table may
+    hold them until they change.
+    """
+    hz = choices["commands"].rate_hz if "commands" in choices else 0.0
+    if not 0.0 < hz < SELDOM_HZ:
+        return []
+    return [
+        f"outputs are told at {hz:.2g} Hz: what the motors did between is not known, and errors "
+        f"that look like an effect may be that ({ENOUGH_HZ:g} Hz are enough)"
+    ]
 
 
 def outputs_of(parameters: Mapping[str, float]) -> tuple[Servo, ...]:

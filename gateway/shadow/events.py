@@ -109,7 +109,9 @@ class MissingForceRange(NamedTuple):
         width = np.maximum(spread, MIN_SPREAD * out.residuals.missing_std[k])
         width = np.maximum(width, np.array(self.smallest) / UNUSUAL_STDS)
         limit = np.where(self.unusual, USUAL_STDS, UNUSUAL_STDS) * width
-        beyond = tuple((np.abs(mean - middle) > limit).tolist())
+        usual = np.quantile(self.blocks, USUAL_QUANTILES, axis=0)
+        outside = (mean < usual[0]) | (mean > usual[1]) | self.unusual  # two kinds of blocks, say
+        beyond = tuple(((np.abs(mean - middle) > limit) & outside).tolist())
         against = tuple(
             n + 1 if far != was else 0
             for n, far, was in zip(self.against, beyond, self.unusual, strict=True)
@@ -125,7 +127,6 @@ class MissingForceRange(NamedTuple):
             text = f"unusual forces for {minutes:.0f} minutes: usual from here on"
             again = MissingForceRange(np.empty((0, 3)), smallest=self.smallest, began=began)
             return again, [_range_event(out, k, False, text)]
-        usual = np.quantile(self.blocks, USUAL_QUANTILES, axis=0)
         events = [
             _range_event(out, k, unusual[i], _range_text(i, unusual[i], mean[i], usual[:, i]))
             for i in range(3)

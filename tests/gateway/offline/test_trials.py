@@ -22,6 +22,7 @@ from gateway.offline.trials import (
     excluded_summary,
     load_trials,
     source_of,
+    told_too_seldom,
     trials_of,
 )
 from gateway.simulated_boat.play import write_log
@@ -391,3 +392,13 @@ def test_a_compass_that_deviates_is_followed_also_where_the_boat_spins(tmp_path:
     assert np.sqrt(np.mean((ahead - np.cos(d) * u - np.sin(d) * v) ** 2)) < 0.02
     assert np.sqrt(np.mean((abeam + np.sin(d) * u - np.cos(d) * v) ** 2)) < 0.02
     assert np.sqrt(np.mean((turn - r) ** 2)) < 0.01
+
+
+@pytest.mark.parametrize(("hz", "told"), [(0.49, True), (1.0, True), (2.0, False), (0.0, False)])
+def test_outputs_that_are_told_too_seldom_are_a_notice(hz: float, told: bool) -> None:
+    """Of a right model "something is missing that the catalogue does not hold" was all that was
+    said.
+    """
+    found = told_too_seldom({"commands": SimpleNamespace(rate_hz=hz)})  # type: ignore[dict-item]
+    assert [f"outputs are told at {hz:.2g} Hz: " in text for text in found] == [True] * told
+    assert told_too_seldom({}) == []

@@ -63,6 +63,19 @@ def test_a_force_that_sets_in_is_told_once_and_once_more_when_it_is_gone(axis: i
     assert state.unusual == (False, False, False)
 
 
+@pytest.mark.parametrize(("force", "unusual"), [(-1.2, False), (2.1, False), (2.8, True)])
+def test_what_lies_between_forces_that_were_there_is_not_unusual(
+    force: float, unusual: bool
+) -> None:
+    """Mostly next to nothing, and 2 N either way now and then: "lacks -1.2 N, usually -2 to 2"."""
+    blocks = np.full((60, 3), 0.01)
+    blocks[::8, 0], blocks[1::8, 0] = -2.2, 2.3
+    state = MissingForceRange.start()._replace(blocks=blocks)
+    missing = np.tile([force, 0.01, 0.01], (round(3 * FORCE_BLOCK_S), 1))
+    told = state.observe(rows(missing, std=0.1))[1]
+    assert [h.kind for h in told] == (["residual_unusual"] if unusual else [])
+
+
 @pytest.mark.parametrize(
     ("force", "says"),
     [
