@@ -319,8 +319,9 @@ class LiveHealth:
         self.lost.clear()
 
     def rates_hz(self) -> dict[str, float]:
-        """Rates at which messages came over the last seconds."""
-        counts = Counter(name for _, name in self.frames)
+        """Rates at which messages came over the last seconds until the last one."""
+        since = self.received_ns - WINDOW_NS  # frames are forgotten once a second: more may be kept
+        counts = Counter(name for at, name in self.frames if at > since)
         return {name: count / WINDOW_S for name, count in counts.items()}
 
     def row(self, now_ns: int, backlog: int, drops: int) -> TopicRows:

@@ -278,3 +278,12 @@ def test_whatever_is_no_position_tells_no_place() -> None:
     fact = Measurement(Quantity.YAW, "ATTITUDE", START, START, (0.1,))
     before = boat.hearing._origin
     assert before.update(fact) is before
+
+
+@pytest.mark.parametrize("hz", [0.5, 1.0, 20.0])
+def test_a_rate_is_that_of_the_last_seconds_however_many_are_kept(hz: float) -> None:
+    """Of 1 Hz "1.2 Hz arrive" was told: six messages of the last six seconds, over five."""
+    health = LiveHealth()
+    for n in range(round(10 * hz)):
+        health.frame(round(n * 1e9 / hz), "ATTITUDE", 1, n % 256)
+    assert health.rates_hz()["ATTITUDE"] == pytest.approx(hz, abs=0.11)
