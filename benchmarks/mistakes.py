@@ -16,7 +16,6 @@ truth in the end.
 import argparse
 import sys
 import tempfile
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -24,12 +23,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from benchmarks.diagnosed import diagnosed
 from benchmarks.hidden.boats import EVERY, Boat
 from benchmarks.hidden.causes import Hidden
 from benchmarks.hidden.vessel_toml import vessel_toml
 from benchmarks.hidden.voyage import write_voyage
 from benchmarks.motors import PAIRS
-from gateway.offline.diagnose import DiagnosisResult, diagnose_logs
+from gateway.offline.diagnose import DiagnosisResult
 
 SEED = 91_000
 SECONDS = 300.0
@@ -139,19 +139,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for kind in a.kind:
         for case in list(mistakes(kind, a.beside, a.seed))[:: a.every]:
             with tempfile.TemporaryDirectory() as folder:
-                log, file = write(case, Path(folder))
-                begun = time.perf_counter()
-                found = diagnose_logs([log], file)
-                took = time.perf_counter() - begun
-            said = found.to_dict()
-            errors = [step["heldout_nrmse"] for step in said["ladder"]]
+                done = diagnosed(*write(case, Path(folder)))
             wrong = ", ".join(f"{name} × {factor:.2f}" for name, factor in case.wrong.items())
             row = [wrong, f"{case.boat.name}, {case.pilot}",
                    ", ".join(sorted({h.name for h in case.hidden})) or "–",
-                   f"`{said['verdict']}` {', '.join(said['effects']) or 'nothing'}",
-                   "yes" if is_right(case, said) else "**no**",
-                   f"{errors[0]:.3f} → {errors[-1]:.3f} ({said['noise_floor_nrmse']:.3f})",
-                   off_by(case, found), f"{took:.0f}"]  # fmt: skip
+                   done.answer, "yes" if is_right(case, done.said) else "**no**", done.errors,
+                   off_by(case, done.found), f"{done.seconds:.0f}"]  # fmt: skip
             print(f"| {' | '.join(row)} |", flush=True)
     return 0
 

@@ -17,7 +17,6 @@ Printed: what is hidden, the verdict, the effects found, the error before and af
 import argparse
 import sys
 import tempfile
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -25,11 +24,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from benchmarks.diagnosed import diagnosed
 from benchmarks.hidden.boats import EVERY, Boat
 from benchmarks.hidden.causes import Hidden
 from benchmarks.hidden.vessel_toml import vessel_toml
 from benchmarks.hidden.voyage import write_voyage
-from gateway.offline.diagnose import diagnose_logs
 
 SEED = 46_000
 SECONDS = 300.0
@@ -123,15 +122,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for kind in a.kind:
         for v in list(voyages(kind, a.seed))[:: a.every]:
             with tempfile.TemporaryDirectory() as folder:
-                log, file = write(v, Path(folder))
-                begun = time.perf_counter()
-                found = diagnose_logs([log], file).to_dict()
-                took = time.perf_counter() - begun
-            answer = f"`{found['verdict']}` {', '.join(found['effects']) or 'nothing'}"
-            errors = [step["heldout_nrmse"] for step in found["ladder"]]
-            noise = found["noise_floor_nrmse"]
-            row = [kind, f"{v.boat.name}, {v.pilot}", f"{v.share:.2f}", v.second or "–", answer,
-                   f"{errors[0]:.3f} → {errors[-1]:.3f} ({noise:.3f})", f"{took:.0f}"]  # fmt: skip
+                done = diagnosed(*write(v, Path(folder)))
+            row = [kind, f"{v.boat.name}, {v.pilot}", f"{v.share:.2f}", v.second or "–",
+                   done.answer, done.errors, f"{done.seconds:.0f}"]  # fmt: skip
             print(f"| {' | '.join(row)} |", flush=True)
     return 0
 

@@ -11,19 +11,18 @@ Printed: what is hidden, the verdict, the effects found, the error before and af
 import argparse
 import sys
 import tempfile
-import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from benchmarks.diagnosed import diagnosed
 from benchmarks.hidden.boats import FLEET, Boat
 from benchmarks.hidden.causes import Hidden
 from benchmarks.hidden.strengths import strong
 from benchmarks.hidden.vessel_toml import vessel_toml
 from benchmarks.hidden.voyage import write_voyage
-from gateway.offline.diagnose import diagnose_logs
 
 SEED = 58_000
 SECONDS = 480.0
@@ -75,15 +74,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print(f"| {' | '.join(heads)} |\n|{'---|' * len(heads)}")
     for v in list(voyages(a.seed, a.calm))[:: a.every]:
         with tempfile.TemporaryDirectory() as folder:
-            log, file = write(v, Path(folder))
-            begun = time.perf_counter()
-            found = diagnose_logs([log], file).to_dict()
-            took = time.perf_counter() - begun
-        answer = f"`{found['verdict']}` {', '.join(found['effects']) or 'nothing'}"
-        errors = [step["heldout_nrmse"] for step in found["ladder"]]
+            done = diagnosed(*write(v, Path(folder)))
         row = [f"{v.boat.name}, {v.pilot}", ", ".join(h.name for h in v.hidden) or "nothing",
-               answer, f"{errors[0]:.3f} → {errors[-1]:.3f} ({found['noise_floor_nrmse']:.3f})",
-               f"{took:.0f}"]  # fmt: skip
+               done.answer, done.errors, f"{done.seconds:.0f}"]  # fmt: skip
         print(f"| {' | '.join(row)} |", flush=True)
     return 0
 

@@ -23,7 +23,7 @@ from gateway.samples import CHANNELS as CHANNEL_COUNT
 from gateway.shadow import FilterInputs
 from gateway.shadow.driven import DrivenOutputs
 from gateway.shadow.residuals import ModelResiduals, ResidualEvaluator, ResidualState
-from gateway.shadow.sensor_checks import SensorMemory
+from gateway.shadow.sensor_checks import GAPS, SensorMemory, longest_gap, patience
 from sim.following.follower import (
     Follower,
     FollowerOptions,
@@ -39,8 +39,7 @@ from sim.state import Floats, Ints
 from sim.vessel import Vessel
 
 STALE_S = 1.0  # without a measurement for this long, telemetry is not fresh; …
-SLOW_STALE_S = 3.0  # … that of a slow stream is after so many of its gaps, but then at the latest …
-STALE_GAPS, GAP_KEPT = 2.5, 0.9  # the longest gap counts less with each measurement that follows
+SLOW_STALE_S = 3.0  # … that of a slow stream is for some of its gaps, but not longer than this …
 LOST_S = 5.0  # … nor without heading, or without velocity and position, for this long
 COMMANDS_KEPT_S = 15.0  # for those that act late: more than the longest delay of an effect
 CHANNELS = range(1, CHANNEL_COUNT + 1)
@@ -65,7 +64,7 @@ class RowMemory(NamedTuple):
     back: float = -np.inf
     published: float = -np.inf  # time of the last row that went out [s]
     jumped: float = 0.0  # 1: a discontinuity since the last row that went out
-    gap: float = SLOW_STALE_S / STALE_GAPS
+    gap: float = SLOW_STALE_S / GAPS
 
 
 @compiled
@@ -86,7 +85,7 @@ def choose_rows(
     count = 0
     for k in range(len(times)):
         time, kind = times[k], kinds[k]
-        stale = min(max(STALE_S, STALE_GAPS * gap), SLOW_STALE_S)
+        stale = patience(gap, STALE_S, SLOW_STALE_S)
         if flags[k] & USED:
             back = time if time - last > stale else back
             last, since = time, time
@@ -95,7 +94,7 @@ def choose_rows(
             elif kind in (VELOCITY, BODY_VELOCITY, POSITION):
                 since, motion = motion, time
             if 0.0 < time - since <= SLOW_STALE_S:
-                gap = max(time - since, GAP_KEPT * gap)
+                gap = longest_gap(gap, time - since)
         if len(broken) and broken[k]:
             jumped = 1.0
             published = min(published, time - min_interval_s)

@@ -43,9 +43,9 @@ FROZEN_COARSE_S = 5.0  # of a source with few digits
 MOVING_MPS = 0.3  # above it a position cannot stand still
 TURNED_RAD = 0.2  # by the gyro, while a coarse heading stood still
 UNHEARD_S = 3.0  # outputs that are told at all are mostly told more often; of a slow stream …
-UNHEARD_GAPS, GAP_KEPT = 2.5, 0.9  # … so many of its gaps count, the longest less with each …
-SLOW_UNHEARD_S = 12.0  # … but at most this, as of one that has not been told of often yet
-MOST_COUNTED_S = 2.0
+SLOW_UNHEARD_S = 12.0  # … so many of its gaps, at most this, as of one that has just begun
+GAPS, GAP_KEPT = 2.5, 0.9  # that a stream may be silent; the longest counts less with each message
+MOST_COUNTED_S = 2.0  # of one gap in their mean: a silence makes no slow stream
 SELDOM_S, OFTEN_S = 0.8, 0.6  # mean gaps beyond and below which outputs are told too seldom or not
 MAX_SILENT_STEP_S = 1.0  # of a longer silence of all it counts so much
 
@@ -212,6 +212,18 @@ def frozen(kinds: Floats, rest: Floats, kind: int) -> bool:
 
 
 @compiled
+def longest_gap(before: float, gap: float) -> float:
+    """The longest gap of a stream of late [s] after one more; what is long ago counts less."""
+    return max(gap, GAP_KEPT * before)
+
+
+@compiled
+def patience(gap: float, least: float, most: float) -> float:
+    """How long a stream with such gaps may be silent before it is missed [s]."""
+    return min(max(least, GAPS * gap), most)
+
+
+@compiled
 def note_outputs(rest: Floats, time: float, heard: float) -> None:
     """Add to how long others have talked since the outputs were last told of.
 
@@ -224,8 +236,8 @@ def note_outputs(rest: Floats, time: float, heard: float) -> None:
     if heard != rest[HEARD]:
         if np.isfinite(rest[HEARD]):
             gap = heard - rest[HEARD]
-            rest[APART] = max(gap, GAP_KEPT * rest[APART])
-            counted = min(max(gap, 0.0), MOST_COUNTED_S)  # one silence makes no slow stream
+            rest[APART] = longest_gap(rest[APART], gap)
+            counted = min(max(gap, 0.0), MOST_COUNTED_S)
             rest[MEAN_APART] += (1.0 - GAP_KEPT) * (counted - rest[MEAN_APART])
         rest[HEARD], rest[DEAF], rest[LAST] = heard, 0.0, time
     step = time - rest[LAST]
@@ -287,7 +299,7 @@ def check_events(
             bits |= COMPASS
         if what != TICK:
             note_outputs(rest, now, heard[k])
-        if rest[DEAF] > min(max(UNHEARD_S, UNHEARD_GAPS * rest[APART]), SLOW_UNHEARD_S):
+        if rest[DEAF] > patience(rest[APART], UNHEARD_S, SLOW_UNHEARD_S):
             bits |= UNHEARD
         seldom = bool(int(rest[BITS]) & SELDOM)
         if rest[MEAN_APART] > (OFTEN_S if seldom else SELDOM_S):
