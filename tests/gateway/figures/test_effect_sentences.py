@@ -143,7 +143,7 @@ SENTENCES = (
     ("wave_motion", {"omega": 2.0, "force": 6.0, "direction": 0.0},
      "a period of 3.1 s push with 6.0 N towards 0° (north)"),
     ("crossing_waves", {"omega": 2.0, "force": 6.0, "direction": 0.0},
-     "a period of 3.1 s push with 6.0 N towards 0° (north)"),
+     "besides, waves of a period of 3.1 s push with 6.0 N towards 0° (north)"),
     ("yaw_rate_bias", {"bias": 0.01}, "the gyro reads 0.57 °/s too fast to starboard"),
     ("payload_change", {"factor": 1.4, "time": 90.0}, "the boat is 40 % heavier from 90 s on"),
     ("current_change", {"speed": 0.2, "direction": 0.0, "later_speed": 0.4, "time": 50.0,
