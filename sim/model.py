@@ -53,7 +53,7 @@ class Model:
         """Compose and compile, or load from the cache; with `plain_kernel_for` in plain Python."""
         parameters = parameters_of(vessel)
         theta = np.array(list(parameters.values()), dtype=float)
-        return cls(vessel, kernel_of(_structure(vessel)), tuple(parameters), theta)
+        return cls(vessel, kernel_of(structure_of(vessel)), tuple(parameters), theta)
 
     @property
     def state_size(self) -> int:
@@ -387,7 +387,8 @@ def _labelled(vessel: Vessel) -> Iterator[tuple[str, AddedEffect]]:
         yield (f"{name}#{counts[name]}" if counts[name] > 1 else name), added
 
 
-def _structure(vessel: Vessel) -> Structure:
+def structure_of(vessel: Vessel) -> Structure:
+    """What decides the kernel of a vessel."""
     number: dict[str | None, int] = {t.name: i for i, t in enumerate(vessel.thrusters)}
     number[None] = -1
     owners = tuple(table_owner(vessel.thrusters, t) for t in vessel.thrusters)

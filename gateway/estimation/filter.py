@@ -34,7 +34,7 @@ from gateway.estimation.events import (
 )
 from gateway.estimation.model import Workspace, copy_matrix, new_workspace
 from sim.kernel.compiled import compiled
-from sim.kernel.loops import set_row
+from sim.kernel.rows import set_row
 from sim.state import Floats, Ints
 from sim.trial import MOTION
 

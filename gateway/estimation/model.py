@@ -32,7 +32,7 @@ import numpy as np
 
 from gateway.estimation import STATES, FilterModel, MeasurementKind, State
 from sim.kernel.compiled import compiled
-from sim.kernel.loops import set_row
+from sim.kernel.rows import set_row
 from sim.state import Floats, wrap
 
 # Gauss-Legendre on [0, 1]: the noise of a step is an integral whose closed form cancels badly for
@@ -55,7 +55,7 @@ COLUMNS = np.array([int(column) for _, column in _COUPLED])
 
 @compiled
 def copy_matrix(source: Floats, to: Floats) -> None:
-    """Numbers (n, m) into another array, see `sim.kernel.loops.set_row`."""
+    """Numbers (n, m) into another array, see `sim.kernel.rows.set_row`."""
     for i in range(len(source)):
         set_row(to[i], source[i])
 

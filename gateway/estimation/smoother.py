@@ -50,7 +50,7 @@ from gateway.estimation.model import (
     symmetrise,
 )
 from sim.kernel.compiled import compiled
-from sim.kernel.loops import set_row
+from sim.kernel.rows import set_row
 from sim.state import Floats, Ints
 from sim.trial import MOTION
 

@@ -15,6 +15,7 @@ from gateway.errors import BadInput, numerical_errors, shell_path
 from gateway.figures.diagnosis import diagnosis_figures
 from gateway.figures.matplotlib_draw import save_figures
 from gateway.files import write_whole
+from gateway.kernels_ahead import compiled_ahead
 from gateway.offline.add import DiagnosisFile, add_from_diagnosis
 from gateway.offline.notices import notices_of
 from gateway.offline.trials import TrialOptions, date_of, usable_trials
@@ -24,6 +25,7 @@ from gateway.user_effects import known_effects
 from gateway.vessel_file import load_vessel, read_vessel_file
 from sim.diagnosis.answer import Diagnosis, LadderStep, Verdict
 from sim.diagnosis.diagnose import DiagnoseSettings, diagnose
+from sim.diagnosis.fit_problem import kernels_of_a_diagnosis
 from sim.diagnosis.more_room import numbers_at_limit
 from sim.diagnosis.next_experiment import separations
 from sim.diagnosis.thresholds import GUESSED_PRIOR
@@ -286,8 +288,9 @@ def diagnose_logs(
         settings = replace(settings, most=1)
     boat = load_vessel(vessel, more)
     names = ", ".join(str(log) for log in logs)
-    trials = [chosen(trial) for trial in usable_trials(logs, options, progress)]
-    diagnosis = diagnosed_trials(trials, boat, settings, names, progress, vessel)
+    with compiled_ahead(kernels_of_a_diagnosis(boat, settings.effects)):
+        trials = [chosen(trial) for trial in usable_trials(logs, options, progress)]
+        diagnosis = diagnosed_trials(trials, boat, settings, names, progress, vessel)
     notice = (
         f"{Path(vessel).name}: its base numbers were guessed: they may be off by as much again "
         "(--prior says else)"
@@ -313,8 +316,9 @@ def diagnose_trials(
     `file`: where the vessel was read from.
     """
     names = ", ".join(str(log) for log in logs)
-    trials = usable_trials(logs, options, progress)
-    return trials, diagnosed_trials(trials, boat, settings, names, progress, file)
+    with compiled_ahead(kernels_of_a_diagnosis(boat, settings.effects)):
+        trials = usable_trials(logs, options, progress)
+        return trials, diagnosed_trials(trials, boat, settings, names, progress, file)
 
 
 def diagnosed_trials(

@@ -148,7 +148,8 @@ def _diagnosed(
         catalogue = tuple(e.of_the_boat if e.alike else e for e in catalogue)
     effects = _effects_to_try(vessel, content, catalogue)
     progress("re-fitting the base")
-    superset = SupersetModel.of(vessel, effects.shown, trials)
+    possible = [e for e in catalogue if not e.is_curve]  # one kernel, whatever the trials can show
+    superset = SupersetModel.of(vessel, possible, trials)
     base = fit_base(superset, plain, trials, settings)
     search = EffectSearch(
         superset, effects.shown, settings.most, progress, mapper, HeldOutScorer.of(trials, plain),

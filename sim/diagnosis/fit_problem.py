@@ -28,7 +28,8 @@ from sim.identification.shooting import (
     deviance_of_runs,
     noise_of_runs,
 )
-from sim.model import Model
+from sim.kernel.generator import Structure
+from sim.model import Model, structure_of
 from sim.prediction.segments import BLOCK_S, GUARD_S
 from sim.state import Floats, Ints
 from sim.trial import Trial
@@ -52,10 +53,8 @@ class SupersetModel:
         cls, vessel: Vessel, effects: Iterable[Effect], trials: Sequence[Trial] = ()
     ) -> "SupersetModel":
         """The vessel with every effect that can be switched off."""
-        present = {added.effect.name for added in vessel.effects}
-        some = [e for e in effects if e.name not in present and not vessel.unmet_needs(e)]
-        neutral = [(e, neutral_values(e)) for e in some]
-        added = [AddedEffect(e, values) for e, values in neutral if values is not None]
+        some = possible_beside(vessel, effects)
+        added = switched_off(some)
         model = Model.of(vessel.with_effects(*added))
         measured = frozenset(e.name for e in some if _is_measured(e, trials))
         return cls(vessel, model, tuple(a.effect for a in added), measured)
@@ -106,6 +105,33 @@ class SupersetModel:
     def _composed(self) -> dict[tuple[str, ...], Model]:
         """Models with other effects beside all that can be switched off, by their names."""
         return {}
+
+
+def possible_beside(vessel: Vessel, effects: Iterable[Effect]) -> list[Effect]:
+    """Effects that the vessel has not yet and that need nothing that it lacks."""
+    present = {added.effect.name for added in vessel.effects}
+    return [e for e in effects if e.name not in present and not vessel.unmet_needs(e)]
+
+
+def switched_off(effects: Iterable[Effect]) -> list[AddedEffect]:
+    """Those of some effects that can be switched off, so."""
+    neutral = [(e, neutral_values(e)) for e in effects]
+    return [AddedEffect(e, values) for e, values in neutral if values is not None]
+
+
+def kernels_of_a_diagnosis(vessel: Vessel, effects: Iterable[Effect]) -> list[Structure]:
+    """The kernels that a diagnosis needs whatever it finds, in the order in which it needs them."""
+    some = possible_beside(vessel, effects)
+    off = switched_off(some)
+    names = {a.effect.name for a in off}
+    apart = [AddedEffect(e, {p.name: p.start for p in e.parameters}) for e in some
+             if e.name not in names]  # fmt: skip
+    curves = [a for a in apart if a.effect.is_curve]
+    wholes = [[*off, a] for a in apart if not a.effect.is_curve]
+    return [
+        structure_of(vessel.with_effects(*them))
+        for them in ([], off, *wholes, *([c] for c in curves))
+    ]
 
 
 def _is_measured(effect: Effect, trials: Sequence[Trial]) -> bool:

@@ -12,7 +12,8 @@ import numpy as np
 from sim.following import MAX_SPEED_MPS, MAX_TURN_RADPS, runs_on, within
 from sim.following.loops import predict
 from sim.jit import jitable as entry
-from sim.kernel.loops import held_inputs, report_from, report_of_state, set_row, true_motion
+from sim.kernel.loops import held_inputs, report_of_state, true_motion
+from sim.kernel.rows import report_from, set_row
 from sim.state import Floats
 
 if TYPE_CHECKING:

@@ -20,7 +20,8 @@ import numpy as np
 
 from sim.jit import jitable as entry
 from sim.jit import jitable as jit
-from sim.kernel.loops import held_inputs, motion_of_state, report_from, set_row
+from sim.kernel.loops import held_inputs
+from sim.kernel.rows import motion_of_state, report_from, set_row
 from sim.plants.waves import HullShape, WaveLoad, oscillator_step, wave_load
 from sim.state import Floats
 
@@ -49,11 +50,13 @@ def rk4_step_with_force(
     x: State, time: float, inputs: HeldInputs, tau: Wrench, h: float, p: Numbers
 ) -> State:
     """One Runge–Kutta step under held commands and a constant force beside them."""
-    k1 = state_rates_with_force(x, time, inputs, tau, p)
-    k2 = state_rates_with_force(axpy(x, 0.5 * h, k1), time + 0.5 * h, inputs, tau, p)
-    k3 = state_rates_with_force(axpy(x, 0.5 * h, k2), time + 0.5 * h, inputs, tau, p)
-    k4 = state_rates_with_force(axpy(x, h, k3), time + h, inputs, tau, p)
-    return axpy(axpy(axpy(axpy(x, h / 6, k1), h / 3, k2), h / 3, k3), h / 6, k4)
+    after, at, t = x, x, time
+    for stage in range(4):
+        k = state_rates_with_force(at, t, inputs, tau, p)
+        after = axpy(after, h / 3 if 0 < stage < 3 else h / 6, k)
+        reach = h if stage == 2 else 0.5 * h
+        at, t = axpy(x, reach, k), time + reach
+    return after
 
 
 @jit

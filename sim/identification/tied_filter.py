@@ -20,7 +20,8 @@ def riccati(  # type: ignore[no-untyped-def]
     to the next (δ, ε) is c, and what is no ε in the last error.
     """
     S, most, size = len(phi), state.shape[1], 0.0
-    P, moved_P, x, moved_x = start.copy(), np.empty((6, 3)), np.zeros(6), np.empty(6)
+    P, moved_P, x, moved_x = np.empty((6, 6)), np.empty((6, 3)), np.empty(6), np.empty(6)
+    _set_state(x, P, start)
     GP, own, beside = np.empty((most, 6)), np.empty((most, most)), np.zeros((6, most))
     X = np.empty((most, 7))  # covariance of the next (δ, ε) with the rows, and the innovations
     before, unit = _per_row(most, fresh, rho)
@@ -28,8 +29,8 @@ def riccati(  # type: ignore[no-untyped-def]
         m, F, G, L = 3 * count[k], moved[k], state[k], root[k]
         _state_rows(phi[k], fresh, rho, G[:m])
         for i in range(m):
-            own[i, : i + 1] = 0.0
-            own[i, i] = 1.0
+            for j in range(i + 1):
+                own[i, j] = 1.0 if i == j else 0.0
         if len(timing):
             rows = _whitened_rows(timing[k], m, before, unit)
             for i in range(m):
@@ -72,7 +73,7 @@ def riccati(  # type: ignore[no-untyped-def]
             size += 2.0 * np.log(L[i, i])
             white[k, i] = X[i, 6]
         if follows[k] == 0.0:
-            P[:], x[:] = start, 0.0
+            _set_state(x, P, start)
             continue
         for b in range(6):
             moved_x[b] = 0.0
@@ -107,6 +108,15 @@ def riccati(  # type: ignore[no-untyped-def]
             for b in range(a):
                 P[b, a] = P[a, b]
     return size
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _set_state(x, P, start):  # type: ignore[no-untyped-def]
+    """The filter as it starts: element by element, see `sim.kernel.rows.set_row`."""
+    for a in range(6):
+        x[a] = 0.0
+        for b in range(6):
+            P[a, b] = start[a, b]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -174,7 +184,8 @@ def filter_errors(error, follows, count, fresh, rho, state, moved, gain, unit, o
                     moved_x[b] += moved[k, b, a] * x[a]
                 for i in range(m):
                     moved_x[b] += gain[k, b, i] * out[q, k, i]
-            x[:] = moved_x
+            for i in range(6):
+                x[i] = moved_x[i]
             for i in range(3):
                 x[i] -= error[q, k, wide - 3 + i]
                 x[3 + i] += error[q, k, m - 3 + i]

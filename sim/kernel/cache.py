@@ -15,6 +15,7 @@ import re
 import sys
 import tempfile
 import warnings
+from collections import namedtuple
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
@@ -27,7 +28,7 @@ import numpy as np
 from sim.effects.effect import LawError
 from sim.kernel import rollout_numpy
 from sim.kernel.compiled import compiled_once, dependencies, fingerprint, sources_of
-from sim.kernel.generator import Structure, kernel_text
+from sim.kernel.generator import Structure, kernel_text, numbers_of
 
 Jit = Callable[[Callable[..., Any]], Any]
 
@@ -110,21 +111,31 @@ def _fingerprint(s: Structure, text: str) -> str:
     return fingerprint(texts, kernel_sources(s, text))[:24]
 
 
-def _load(file: Path, s: Structure, jit: Jit, entry: Jit, branch: Jit) -> ModuleType:
-    """Execute a kernel file with its laws and its decorators in place."""
+def _load(file: Path, s: Structure, jit: Jit, entry: Jit) -> ModuleType:
+    """Execute a kernel file with its laws, the classes of their numbers and its decorators in
+    place.
+    """
     spec = importlib.util.spec_from_file_location(file.stem, file)
     if spec is None or spec.loader is None:
         raise ImportError(f"cannot load the kernel {file}")
     module = importlib.util.module_from_spec(spec)
     module.__dict__["jit"] = jit
     module.__dict__["entry"] = entry
-    module.__dict__["branch"] = branch
     for e, effect in enumerate(s.effects):
+        module.__dict__[f"P{e}"] = _numbers_class(numbers_of(effect))
         for place, law in effect.laws.items():
             module.__dict__[f"{place}_{e}"] = jit(law)
     sys.modules[file.stem] = module  # numba finds a function's home there when it loads its cache
     spec.loader.exec_module(module)
     return module
+
+
+@lru_cache(maxsize=1024)
+def _numbers_class(names: tuple[str, ...]) -> type:
+    """Numbers of an effect as its laws take them: of one class in all kernels, so that a law is
+    compiled once.
+    """
+    return namedtuple("EffectNumbers", names)
 
 
 def _write(text: str, name: str) -> Path:
@@ -139,6 +150,12 @@ def _write(text: str, name: str) -> Path:
     return file
 
 
+def is_kept(s: Structure) -> bool:
+    """Whether the machine code of a structure's free runs is in the cache."""
+    name = f"kernel_{_fingerprint(s, kernel_text(s))}.rollout-*.nbi"
+    return any((_cache_folder() / "__pycache__").glob(name))
+
+
 class Kernel(NamedTuple):
     """The composed functions of one structure, and whether they are compiled."""
 
@@ -147,6 +164,7 @@ class Kernel(NamedTuple):
     compiled: bool
 
 
+@lru_cache(maxsize=1024)  # laws and what they call are the same in all kernels
 def _jit(function: Callable[..., Any]) -> Any:
     """For what only compiled code calls: without the wrappers for Python it compiles faster.
 
@@ -167,11 +185,6 @@ def _entry(function: Callable[..., Any]) -> Any:
 
 def _uncompiled(function: Callable[..., Any]) -> Any:
     return function
-
-
-def _never(test: Callable[..., Any]) -> Any:
-    """For a branch in plain Python: it may be asked of arrays, that are not all one."""
-    return lambda numbers: False
 
 
 def _empty_runs(s: Structure, count: int) -> tuple[Any, ...]:
@@ -213,11 +226,24 @@ def _check_laws(kernel: Kernel, names: str) -> None:
         raise LawError(f"effects {names}: {type(error).__name__}: {error}") from error
 
 
+def compile_entries(kernel: Kernel) -> None:
+    """Compile what identification and diagnosis call of a kernel, which gave no rows to work on."""
+    s = kernel.structure
+    theta = np.ones((1, sum(size for _, _, size in s.tuples)))
+    none, commands = np.zeros((0, 9)), np.zeros((0, s.actuators))
+    force = np.zeros((0, 3))
+    kernel.module.true_states(theta, none, np.zeros((0, 6)))
+    kernel.module.missing_force(
+        theta[0], np.full(s.nx + 1, np.nan), np.zeros(0), none, commands, commands, np.zeros(0),
+        np.zeros((0, 2)), force, force,
+    )  # fmt: skip
+
+
 @lru_cache(maxsize=128)
 def kernel_for(s: Structure) -> Kernel:
     """The kernel of a structure: compiled, or in numpy where a law cannot be compiled."""
     text = kernel_text(s)
-    module = _load(_write(text, _fingerprint(s, text)), s, _jit, _entry, _jit)
+    module = _load(_write(text, _fingerprint(s, text)), s, _jit, _entry)
     problem = _compilation_problem(module, s)
     if problem is None:
         return Kernel(module, s, True)
@@ -236,7 +262,7 @@ def plain_kernel_for(s: Structure) -> Kernel:
 
     No machine code of it is kept: its text alone names the file.
     """
-    text = kernel_text(s)
+    text = kernel_text(s, plain=True)
     file = _write(text, fingerprint((text,), ())[:24])
-    module = _load(file, s, _uncompiled, _uncompiled, _never)
+    module = _load(file, s, _uncompiled, _uncompiled)
     return Kernel(module, s, False)

@@ -3,7 +3,8 @@
 The text is unrolled over thrusters, rudders and effects, and calls each law by name. Its only
 branches pass over an effect whose numbers are neutral (a model that holds thirty effects switched
 off costs little more than the bare vessel) and laws that these numbers leave without work (a table
-over the speed has nothing to say of each motor). On arrays they are never taken (`branch`).
+over the speed has nothing to say of each motor). They are decided once, where the numbers are
+unpacked, and in plain Python never taken: there the numbers may be arrays, that are not all one.
 `sim.kernel` lists the composed functions. Effects act in the order of the
 catalogue, whatever their order in the vessel file. The loops of `LOOPS` are appended as they stand
 in their files, with the imports that those files have.
@@ -110,28 +111,39 @@ class Structure(NamedTuple):
         """Numbers of the effects that act there."""
         return (i for i, effect in enumerate(self.effects) if getattr(effect, place) is not None)
 
-    def is_off(self, effect: int) -> str:
-        """The test that the numbers of an effect are neutral; empty where none are."""
-        neutral = {p.name: p.neutral for p in self.effects[effect].parameters}
-        return " and ".join(f"p.{n} == {x!r}" for n, x in neutral.items() if x is not None)
+    def switches(self) -> dict[str, str]:
+        """Switch -> its test: `off_E`, the numbers of effect E are neutral; `rests_LAW_E`, they
+        leave one of its laws nothing to do; `idle_PLACE`, all that act there and can be switched
+        off are; `linear_I`, a thrust without bend.
+        """
+        out = {}
+        for e, effect in enumerate(self.effects):
+            neutral = {p.name: p.neutral for p in effect.parameters}
+            off = [f"(e{e}.{n} == {x!r})" for n, x in neutral.items() if x is not None]
+            if off:
+                out[f"off_{e}"] = " & ".join(off)
+            for law, numbers in effect.acts_when.items():
+                unlike = (
+                    "(" + " & ".join(f"(e{e}.{name} != {x!r})" for x in values) + ")"
+                    for name, values in numbers.items()
+                )
+                out[f"rests_{law}_{e}"] = " | ".join(unlike)
+        for place in ("water", "thrust", "force"):
+            each = [f"off_{e}" for e in self.acting(place) if f"off_{e}" in out]
+            out[f"idle_{place}"] = " & ".join(each) or "True"
+        return out | {f"linear_{i}": f"t{i}.exponent == 1.0" for i in range(self.thrusters)}
 
-    def rests(self, effect: int) -> dict[str, str]:
-        """Law -> the test that the numbers of an effect leave it nothing to do."""
-        return {
-            law: " or ".join(
-                " and ".join(f"p.{name} != {x!r}" for x in values)
-                for name, values in numbers.items()
-            )
-            for law, numbers in self.effects[effect].acts_when.items()
-        }
+    def can_be_off(self, effect: int) -> bool:
+        """Whether an effect has numbers with which it does nothing."""
+        return any(p.neutral is not None for p in self.effects[effect].parameters)
 
     def applied(self, effect: int, place: str, name: str, to: str) -> str:
         """The line that gives `name` its value after a law of an effect, unless that is passed
         over.
         """
-        asked = [f"off_{effect}"] if self.is_off(effect) else []
-        asked += [f"rests_{place}_{effect}"] if place in self.rests(effect) else []
-        tests = " or ".join(f"{test}(p.e{effect})" for test in asked)
+        asked = [f"off_{effect}"] if self.can_be_off(effect) else []
+        asked += [f"rests_{place}_{effect}"] if place in self.effects[effect].acts_when else []
+        tests = " or ".join(f"p.skip.{switch}" for switch in asked)
         return f"{name} = {name} if {tests} else {to}" if tests else f"{name} = {to}"
 
     def after_all(self, place: str, name: str, law: Callable[[int], str]) -> list[str]:
@@ -140,10 +152,10 @@ class Structure(NamedTuple):
         Of neighbours that can be switched off none is asked where all are.
         """
         out = []
-        for switched, some in groupby(self.acting(place), lambda e: bool(self.is_off(e))):
+        for switched, some in groupby(self.acting(place), self.can_be_off):
             own = [self.applied(e, place, name, law(e)) for e in some]
             together = switched and len(own) > 1
-            out += [f"if not idle_{place}(p):", *(f"    {x}" for x in own)] if together else own
+            out += [f"if not p.skip.idle_{place}:", *(f"    {x}" for x in own)] if together else own
         return out
 
     def memory(self, effect: int, place: str, actuator: int) -> int:
@@ -163,41 +175,32 @@ def _class(name: str, members: Iterable[tuple[str, str]]) -> str:
     return f"\n\nclass {name}(NamedTuple):\n" + "".join(f"    {m}: {kind}\n" for m, kind in members)
 
 
-def _unpack(s: Structure) -> str:
-    """`unpack`: the vector of parameters into named tuples."""
-    text, at, parts = "", 0, []
+def _unpack(s: Structure, plain: bool) -> str:
+    """`unpack`: the vector of parameters into named tuples, and what these numbers switch off."""
+    text, at, lines = "", 0, []
     for i in s.table_owners:
         text += _class(f"K{i}", [(f"at_{k}", "float") for k in range(len(s.knots[i]))])
     for e, effect in enumerate(s.effects):
-        names = [p.name for p in effect.parameters] or ["none"]
-        text += _class(f"P{e}", [(name, "float") for name in names])
+        text += f"\n# P{e}: {', '.join(numbers_of(effect))} of {effect.name}"
+    text += _class("Switches", [(name, "bool") for name in s.switches()])
     for field, kind, count in s.tuples:
         values = [f"theta[{k}]" for k in range(at, at + count)]
         if kind in ("ThrusterParameters", "RudderParameters"):
             values.insert(0, f"{field[1:]}.0")
-        parts.append(f"{kind}({', '.join(values) or '0.0'})")
+        lines.append(f"{field} = {kind}({', '.join(values) or '0.0'})")
         at += count
-    text += _class("Numbers", [(field, kind) for field, kind, _ in s.tuples])
-    return text + _function("unpack(theta)", [f"return Numbers({', '.join(parts)})"])
+    text += _class(
+        "Numbers", [*((field, kind) for field, kind, _ in s.tuples), ("skip", "Switches")]
+    )
+    lines += [f"{name} = {False if plain else test}" for name, test in s.switches().items()]
+    lines.append(f"skip = Switches({', '.join(s.switches())})")
+    lines.append(f"return Numbers({', '.join(field for field, _, _ in s.tuples)}, skip)")
+    return text + _function("unpack(theta)", lines)
 
 
-def _switches(s: Structure) -> str:
-    """`off_E`: whether effect E does nothing, by its numbers; `rests_LAW_E`: whether one of its
-    laws does nothing; `is_linear`: a thrust without bend. What is passed over costs more than the
-    question.
-    """
-    tests = {e: s.is_off(e) for e in range(len(s.effects))}
-    made = [_function(f"off_{e}(p)", [f"return {test}"]) for e, test in tests.items() if test]
-    made += [
-        _function(f"rests_{law}_{e}(p)", [f"return {test}"])
-        for e in range(len(s.effects))
-        for law, test in s.rests(e).items()
-    ]
-    for place in ("water", "thrust", "force"):
-        each = [f"off_{e}(p.e{e})" for e in s.acting(place) if tests[e]]
-        made.append(_function(f"idle_{place}(p)", ["return " + (" and ".join(each) or "True")]))
-    made.append(_function("is_linear(p)", ["return p.exponent == 1.0"]))
-    return "".join(made).replace("@jit", "@branch")
+def numbers_of(effect: Effect) -> tuple[str, ...]:
+    """Names of an effect's parameters, in the order of its laws' tuple."""
+    return tuple(p.name for p in effect.parameters) or ("none",)
 
 
 def _state(s: Structure) -> str:
@@ -255,7 +258,7 @@ def _static_actuation(s: Structure) -> str:
         ]
         table, bent = s.tables[i] if s.tables else -1, f"thrust_of(c{i}, p.t{i})"
         lines.append(
-            f"F{i} = thrust_at(c{i}, c{i}, p.t{i}) if is_linear(p.t{i}) else {bent}"
+            f"F{i} = thrust_at(c{i}, c{i}, p.t{i}) if p.skip.linear_{i} else {bent}"
             if table < 0
             else f"F{i} = thrust_at(c{i}, {_share(f'c{i}', f'p.k{table}', s.knots[table])}, p.t{i})"
         )
@@ -395,13 +398,13 @@ def _observe(s: Structure) -> str:
     )
 
 
-def kernel_text(s: Structure) -> str:
-    """The whole module for a structure, as Python source."""
+def kernel_text(s: Structure, plain: bool = False) -> str:
+    """The whole module for a structure, as Python source; `plain`: for arrays too."""
     title = f"{s.thrusters} thrusters, {len(s.rudders)} rudders, " + (
         ", ".join(effect.name for effect in s.effects) or "no effects"
     )
     imports = "\n".join(line for name in LOOPS for line in _loop(name).imports)
-    parts = [HEADER.format(title=title, nx=s.nx, imports=imports), _unpack(s), _switches(s)]
+    parts = [HEADER.format(title=title, nx=s.nx, imports=imports), _unpack(s, plain)]
     parts += [_state(s), _surroundings(s), _static_actuation(s), _actuator_wrench(s), _memory(s)]
     parts += [_dynamics(s), _observe(s)]
     return "".join([*parts, *(_loop(name).text for name in LOOPS)])

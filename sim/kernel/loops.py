@@ -14,8 +14,15 @@ from numpy.typing import NDArray
 from sim.body import HeldInputs, Report
 from sim.jit import jitable as entry
 from sim.jit import jitable as jit
+from sim.kernel.rows import (
+    apply_latency,
+    integral_at,
+    motion_of_state,
+    report_from,
+    set_row,
+)
 from sim.sensing import inversion_step, reports_agree
-from sim.state import Floats, Wrench, to_body, to_world
+from sim.state import Floats, Wrench
 
 if TYPE_CHECKING:
     from sim.kernel import (
@@ -46,11 +53,17 @@ MAX_INVERSION_STEPS = 200  # a receiver that is 0.3 s late takes 60 at 2 rad/s
 
 @jit
 def rk4_step(x: State, k1: State, t: float, inputs: HeldInputs, h: float, p: Numbers) -> State:
-    """One step of classical Runge–Kutta of fourth order from a state and its rates k1."""
-    k2 = state_rates(axpy(x, 0.5 * h, k1), t + 0.5 * h, inputs, p)
-    k3 = state_rates(axpy(x, 0.5 * h, k2), t + 0.5 * h, inputs, p)
-    k4 = state_rates(axpy(x, h, k3), t + h, inputs, p)
-    return axpy(axpy(axpy(axpy(x, h / 6, k1), h / 3, k2), h / 3, k3), h / 6, k4)
+    """One step of classical Runge–Kutta of fourth order from a state and its rates k1.
+
+    Its stages are a loop, for each call of `state_rates` in the text is a copy of all laws to
+    compile.
+    """
+    after, k = axpy(x, h / 6, k1), k1
+    for stage in range(3):
+        reach, weight = (h, h / 6) if stage == 2 else (0.5 * h, h / 3)
+        k = state_rates(axpy(x, reach, k), t + reach, inputs, p)
+        after = axpy(after, weight, k)
+    return after
 
 
 @jit
@@ -65,51 +78,9 @@ def advance(
 
 
 @jit
-def set_row(row: Floats, values: tuple[float, ...] | Floats) -> None:
-    """Values into the first places of a row.
-
-    Of arrays too: for `row[:3] = values` numba compiles the text of an error, which takes seconds.
-    """
-    for i in range(len(values)):
-        row[i] = values[i]
-
-
-@jit
-def report_from(row: Floats) -> Report:
-    """A row (9,) as a report."""
-    return Report(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8])
-
-
-@jit
-def motion_of_state(x: State, k: State) -> Report:
-    """The true motion of a state and its rates."""
-    return Report(x[0], x[1], x[2], x[3], x[4], x[5], k[3], k[4], k[5])
-
-
-@jit
 def report_of_state(x: State, time: float, inputs: HeldInputs, p: Numbers) -> Report:
     """What the sensors report of a state, accelerations included."""
     return observe(motion_of_state(x, state_rates(x, time, inputs, p)), p)
-
-
-@jit
-def apply_latency(rows: Floats, undelayed: Floats, steps: float) -> None:
-    """Delay position and velocity over ground in reports (K, 9) by `steps` rows.
-
-    Heading, yaw rate and accelerations have sensors of their own, which are not late. `undelayed`
-    (>= K, 9) are the reports without delay. Rows before the first of them are left as they are.
-    """
-    for k in range(len(rows)):
-        i = min(int(np.floor(k - steps)), len(rows) - 2)
-        if i >= 0:
-            s, now, then = k - steps - i, undelayed[i], undelayed[i + 1]
-            north, east = to_world(now[3], now[4], now[2])
-            north_next, east_next = to_world(then[3], then[4], then[2])
-            rows[k, 0] = now[0] + s * (then[0] - now[0])
-            rows[k, 1] = now[1] + s * (then[1] - now[1])
-            rows[k, 3], rows[k, 4] = to_body(
-                north + s * (north_next - north), east + s * (east_next - east), rows[k, 2]
-            )
 
 
 @jit
@@ -122,13 +93,6 @@ def true_motion(measured: Report, p: Numbers) -> Report:
             break
         guess = inversion_step(guess, measured, predicted)
     return guess
-
-
-@jit
-def integral_at(total: Floats, position: float, i: int) -> float:
-    """Command i integrated up to a position in steps; its edges are continued."""
-    k = min(max(int(np.floor(position)), 0), len(total) - 2)
-    return total[k, i] + (position - k) * (total[k + 1, i] - total[k, i])
 
 
 @jit
@@ -182,15 +146,15 @@ def rollout(
                 x = settle_memory(x, t, inputs, p)
             for i in range(len(x)):
                 states[b, k, i] = x[i]
-            k1 = state_rates(x, t, inputs, p)
-            set_row(reports[b, k], observe(motion_of_state(x, k1), p))
-            if latency != 0.0:
-                set_row(undelayed[k], observe_undelayed(motion_of_state(x, k1), p))
             last = k
-            if k < steps[b]:
-                x = rk4_step(x, k1, t, inputs, h, p)
-                for i in range(1, substeps):
-                    x = rk4_step(x, state_rates(x, t + i * h, inputs, p), t + i * h, inputs, h, p)
+            for i in range(substeps if k < steps[b] else 1):
+                k1 = state_rates(x, t + i * h, inputs, p)
+                if i == 0:
+                    set_row(reports[b, k], observe(motion_of_state(x, k1), p))
+                    if latency != 0.0:
+                        set_row(undelayed[k], observe_undelayed(motion_of_state(x, k1), p))
+                if k < steps[b]:
+                    x = rk4_step(x, k1, t + i * h, inputs, h, p)
             if not np.isfinite(x[0] + x[1] + x[2] + x[3] + x[4] + x[5]) or abs(x[3]) > 1e3:
                 break
         if latency != 0.0:

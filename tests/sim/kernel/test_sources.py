@@ -23,7 +23,7 @@ def not_yet_compiled(structure):
     """The functions of a kernel as numba gets them: which there are is known before it compiles."""
     text = kernel_text(structure)
     file = cache._write(text, cache._fingerprint(structure, text))
-    module = cache._load(file, structure, cache._jit, cache._entry, cache._jit)
+    module = cache._load(file, structure, cache._jit, cache._entry)
     return cache.Kernel(module, structure, True)
 
 
