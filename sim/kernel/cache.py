@@ -29,6 +29,7 @@ from sim.effects.effect import LawError
 from sim.kernel import rollout_numpy
 from sim.kernel.compiled import compiled_once, dependencies, fingerprint, sources_of
 from sim.kernel.generator import Structure, kernel_text, numbers_of
+from sim.kernel.rows import compiled_numbers_at, numbers_at
 
 Jit = Callable[[Callable[..., Any]], Any]
 
@@ -121,6 +122,7 @@ def _load(file: Path, s: Structure, jit: Jit, entry: Jit) -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     module.__dict__["jit"] = jit
     module.__dict__["entry"] = entry
+    module.__dict__["numbers_at"] = numbers_at if jit is _uncompiled else compiled_numbers_at
     for e, effect in enumerate(s.effects):
         module.__dict__[f"P{e}"] = _numbers_class(numbers_of(effect))
         for place, law in effect.laws.items():

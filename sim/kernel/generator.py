@@ -184,10 +184,13 @@ def _unpack(s: Structure, plain: bool) -> str:
         text += f"\n# P{e}: {', '.join(numbers_of(effect))} of {effect.name}"
     text += _class("Switches", [(name, "bool") for name in s.switches()])
     for field, kind, count in s.tuples:
-        values = [f"theta[{k}]" for k in range(at, at + count)]
         if kind in ("ThrusterParameters", "RudderParameters"):
-            values.insert(0, f"{field[1:]}.0")
-        lines.append(f"{field} = {kind}({', '.join(values) or '0.0'})")
+            values = [f"theta[{k}]" for k in range(at, at + count)]
+            lines.append(f"{field} = {kind}({', '.join([f'{field[1:]}.0', *values])})")
+        else:
+            lines.append(
+                f"{field} = " + (f"numbers_at(theta, {at}, {kind})" if count else f"{kind}(0.0)")
+            )
         at += count
     text += _class(
         "Numbers", [*((field, kind) for field, kind, _ in s.tuples), ("skip", "Switches")]

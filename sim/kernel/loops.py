@@ -144,8 +144,7 @@ def rollout(
             )
             if k == 0 and NX > 6 and not np.isfinite(x[NX - 1]):
                 x = settle_memory(x, t, inputs, p)
-            for i in range(len(x)):
-                states[b, k, i] = x[i]
+            set_row(states[b, k], x)
             last = k
             for i in range(substeps if k < steps[b] else 1):
                 k1 = state_rates(x, t + i * h, inputs, p)

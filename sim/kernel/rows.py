@@ -1,6 +1,12 @@
 """Rows of numbers in the loops of all kernels: compiled once, and not with each of them."""
 
+from typing import Any
+
 import numpy as np
+from numba import types
+from numba.core import cgutils
+from numba.core.typing import signature
+from numba.extending import intrinsic
 
 from sim.body import Report
 from sim.jit import jitable
@@ -54,3 +60,23 @@ def integral_at(total: Floats, position: float, i: int) -> float:
     """Command i integrated up to a position in steps; its edges are continued."""
     k = min(max(int(np.floor(position)), 0), len(total) - 2)
     return total[k, i] + (position - k) * (total[k + 1, i] - total[k, i])
+
+
+def numbers_at(theta: Floats, start: int, kind: type) -> Any:
+    """The named tuple of a kind from parameters (P,) or (P, B) that begin at `start`."""
+    return kind(*theta[start : start + len(kind._fields)])  # type: ignore[attr-defined]
+
+
+@intrinsic
+def compiled_numbers_at(context: Any, theta: Any, start: Any, kind: Any) -> Any:
+    """`numbers_at` for compiled code: to numba one line, and not one for each number."""
+    count = len(kind.instance_class._fields)
+    made = types.NamedUniTuple(types.float64, count, kind.instance_class)
+
+    def loads(context: Any, builder: Any, call: Any, arguments: Any) -> Any:
+        row = context.make_array(call.args[0])(context, builder, arguments[0])
+        first = builder.gep(row.data, [arguments[1]])
+        values = [builder.load(cgutils.gep(builder, first, k)) for k in range(count)]
+        return context.make_tuple(builder, made, values)
+
+    return signature(made, theta, types.intp, kind), loads
