@@ -8,9 +8,11 @@ from time import perf_counter
 
 from rich.text import Text
 
+from sim.kernel.compiled import compiling_s
 from sim.state import CountedStep
 
 QUIET_S = 10.0  # before this nobody asks how long it takes
+COMPILES_S = 1.0  # before this it is not said that something is compiled
 MIN_SHARE_DONE = 0.1  # of a round, to tell from it how long the others take
 
 
@@ -38,6 +40,8 @@ class WorkLine:
     def __rich__(self) -> Text:
         """The line as it is now."""
         seconds, step = self.seconds, f": {self._now}" if self._now else ""
+        if compiling_s() > COMPILES_S:
+            step += " (compiling, once on this machine)"
         if seconds < QUIET_S:
             return Text(f"{self._what}{step}")
         return Text(f"{self._what}{step}{self._left()} ({duration(seconds)} so far)")

@@ -14,9 +14,11 @@ from functools import lru_cache
 from importlib.util import find_spec, resolve_name
 from pathlib import Path
 from threading import Event
+from time import monotonic
 from typing import Any, TypeVar
 
 from numba import njit
+from numba.core import event
 from numba.core.compiler_lock import global_compiler_lock
 
 
@@ -143,6 +145,33 @@ def _compiled(function: F, inline: str) -> F:
     return compiled_once(jit(function))  # type: ignore[no-any-return]
 
 
+class _Watch(event.Listener):  # type: ignore[misc]
+    """Since when numba compiles without a break: one function compiles those that it calls, and
+    its lock lets one thread in at a time.
+    """
+
+    def __init__(self) -> None:
+        self.depth, self.since = 0, 0.0
+
+    def on_start(self, _: object) -> None:
+        self.since = self.since if self.depth else monotonic()
+        self.depth += 1
+
+    def on_end(self, _: object) -> None:
+        self.depth -= 1
+
+
+_WATCH = _Watch()
+event.register("numba:compile", _WATCH)
+
+
+def compiling_s() -> float:
+    """For how long by now a function has been compiled, or waited for while another process
+    compiles it [s]; 0 where nothing is: what is in the cache is loaded at once.
+    """
+    return monotonic() - _WATCH.since if _WATCH.depth else 0.0
+
+
 LOCK_TRIES, LOCK_WAIT_S = 300, 0.2  # a minute: longer than any function compiles
 
 
@@ -161,14 +190,15 @@ def _one_process_at_a_time(file: Path) -> Iterator[None]:
         yield
         return
     with lock:
-        for _ in range(LOCK_TRIES):
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                break
-            except BlockingIOError:
-                Event().wait(LOCK_WAIT_S)
-            except OSError:  # a file system without locks
-                break
+        with event.trigger_event("numba:compile"):  # so long as another one does
+            for _ in range(LOCK_TRIES):
+                try:
+                    fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    break
+                except BlockingIOError:
+                    Event().wait(LOCK_WAIT_S)
+                except OSError:  # a file system without locks
+                    break
         yield
 
 

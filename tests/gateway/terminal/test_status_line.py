@@ -84,6 +84,15 @@ def test_what_is_left_of_a_round_is_worked_out_from_the_steps_of_that_round(cloc
     assert shown(line) == "diagnosing: 24 of 24 looked at (33 s so far)"
 
 
+def test_what_takes_long_once_only_is_said(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
+    line = WorkLine("diagnosing")
+    line.step("re-fitting the base")
+    monkeypatch.setattr(work_line, "compiling_s", lambda: 0.9)
+    assert shown(line) == "diagnosing: re-fitting the base"
+    monkeypatch.setattr(work_line, "compiling_s", lambda: 1.1)
+    assert shown(line) == "diagnosing: re-fitting the base (compiling, once on this machine)"
+
+
 def test_no_time_is_made_up_for_the_next_round(clock: Clock) -> None:
     line = WorkLine("diagnosing")
     line.step(CountedStep("20 of 24 looked at", 20, 24))
