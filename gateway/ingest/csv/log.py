@@ -45,6 +45,7 @@ from gateway.ingest.csv.units import (
     TIME,
     Scale,
     about_steps,
+    check_steps,
     check_time,
     check_unit,
 )
@@ -297,6 +298,7 @@ class CsvLog(Log):
         known = np.abs(time) < LATEST_S  # NaN is not
         repaired = repair_time(time[known])
         kept = repaired.time_s
+        check_steps(file, plan.time_column, plan.time_unit, kept)
         timeless = counted(int((~known).sum()), "row")
         absent = () if known.all() else (f"{timeless} without a time left out",)
         statistics = Statistics(

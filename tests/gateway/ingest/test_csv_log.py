@@ -260,16 +260,32 @@ def test_a_cell_of_absurd_size_is_an_empty_one_and_told(tmp_path: Path, column: 
 
 
 @pytest.mark.parametrize(
-    ("unit", "says"),
+    ("step_s", "unit", "says"),
     [
-        ("s", "rows are 100 s apart: is 's' the unit of time? They would be 0.1 s in 'ms'"),
-        ("us", "rows are 0.0001 s apart: is 'us' the unit of time? They would be 0.1 s in 'ms'"),
+        (8.0, "s", "rows are 8 s apart: is 's' the unit of time? They would be 0.008 s in 'ms'"),
+        (
+            1e-4,
+            "us",
+            "rows are 0.0001 s apart: is 'us' the unit of time? They would be 0.1 s in 'ms'",
+        ),
     ],
 )
-def test_a_wrong_unit_of_time_is_asked_for(tmp_path: Path, unit: str, says: str) -> None:
-    table = calm_rows(5, "500,90,63.4,10.3,2,1500")
+def test_a_wrong_unit_of_time_is_asked_for(
+    tmp_path: Path, step_s: float, unit: str, says: str
+) -> None:
+    factor = {"s": 1.0, "us": 1e6}[unit]
+    rows = "".join(f"{k * step_s * factor},90,63.4,10.3,2,1500\n" for k in range(20))
+    table = "t,heading,lat,lon,speed,left\n" + rows
     log = open_log(write(tmp_path, table, MAPPING.replace('"ms"', f'"{unit}"')))
     assert log.statistics.notes == (says,)
+
+
+def test_rows_that_are_further_apart_than_any_telemetry_are_refused(tmp_path: Path) -> None:
+    """Work goes by the time that a table spans: a small one took minutes and gigabytes."""
+    table = calm_rows(5, "500,90,63.4,10.3,2,1500")
+    says = r"rows are 100 s apart, which no telemetry.* unit of column 't'\? .* 0\.1 s in 'ms'"
+    with pytest.raises(BadInput, match=says):
+        open_log(write(tmp_path, table, MAPPING.replace('"ms"', '"s"')))
 
 
 def test_times_beyond_all_dates_are_of_another_unit(tmp_path: Path) -> None:
