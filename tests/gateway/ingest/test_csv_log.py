@@ -118,6 +118,21 @@ def test_semicolons_and_a_byte_order_mark(tmp_path: Path) -> None:
     assert len(open_log(path).time_s) == 3
 
 
+def test_comments_before_the_header_are_passed_over(tmp_path: Path) -> None:
+    path = write(tmp_path, '# made by a "logger, 1.2\n\n' + TABLE)
+    assert len(open_log(path).time_s) == 3
+    path = write(tmp_path, "# made by logger 1.2\n" + TABLE.replace("1600", "full"))
+    with pytest.raises(BadInput, match="line 4, left: 'full' is no number"):
+        open_log(path)
+
+
+@pytest.mark.parametrize("ends", ["\r", "\r\n"])
+def test_lines_may_end_as_those_of_other_systems(tmp_path: Path, ends: str) -> None:
+    path = write(tmp_path)
+    path.write_bytes(TABLE.replace("\n", ends).encode())
+    assert len(open_log(path).time_s) == 3
+
+
 def test_a_table_in_another_encoding_says_where_and_what_to_do(tmp_path: Path) -> None:
     path = write(tmp_path)
     path.write_bytes(
@@ -165,7 +180,8 @@ def test_mistakes_in_the_mapping_are_told(
         (
             TABLE.replace(",", ";").replace("1600", "1600,5"),
             "'1600,5' is no number; decimal commas "
-            r"have to become points: tr , \. < run.csv > points.csv",
+            r"have to become points: tr , \. < /.*/run.csv > points.csv, then read points.csv "
+            r"with --mapping /.*/mapping.toml",
         ),
         (TABLE.replace("1600", '"1600,5"'), "'1600,5' is no number; .* become points$"),
         ("", "empty"),
