@@ -21,6 +21,7 @@ COMPRESSIONS = (b"", b"lz4", b"zstd")
 CHUNK_HEAD_BYTES = 28  # before the name of its compression
 WINDOW_BYTES = 1 << 20  # searched at once
 MAX_LENGTH = 1 << 40  # of a record; a length beyond is damage
+MAX_TRIES = 500_000  # places that only look like a record; more has no file that is worth it
 
 # What a record consists of: a number is so many bytes, "I" and "Q" are a length of four or eight
 # bytes and as many bytes as it says. Messages have no length of their own.
@@ -83,7 +84,7 @@ class _Walk:
     """The walk over one file."""
 
     def __init__(self, stream: IO[bytes], size: int) -> None:
-        self._stream, self._size = stream, size
+        self._stream, self._size, self._tries = stream, size, 0
 
     def spans(self) -> Spans:
         """All records from the first on."""
@@ -178,6 +179,9 @@ class _Walk:
             for match in begins.finditer(window):
                 if self._begins(place := at + match.start()) and self._is_followed(place):
                     return place
+                self._tries += 1
+                if self._tries > MAX_TRIES:
+                    return None
             at += WINDOW_BYTES
         return None
 

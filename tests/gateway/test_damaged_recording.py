@@ -1,6 +1,7 @@
 """Recordings with damaged bytes: what is behind them is read, and repair loses nothing."""
 
 import os
+import time
 from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
@@ -13,12 +14,13 @@ from mcap.writer import MCAP0_MAGIC
 
 from gateway.errors import BadInput, ShadowError
 from gateway.recording.reader import Recording
-from gateway.recording.recorder import RecordingSettings
+from gateway.recording.recorder import Recorder, RecordingSettings
 from gateway.recording.repair import repair
-from gateway.recording.spans import PREFIX_BYTES, Span, read_spans
+from gateway.recording.spans import MAX_TRIES, PREFIX_BYTES, Span, read_spans
 from gateway.recording.writer import Compression
 from tests.gateway.command_line import Run, one_line
-from tests.gateway.voyages import record
+from tests.gateway.test_recording import heartbeats
+from tests.gateway.voyages import LATE, record, times
 
 SMALL = RecordingSettings(chunk_bytes=4000)
 LENGTH = slice(1, PREFIX_BYTES)
@@ -217,6 +219,31 @@ def test_info_and_repair_say_what_is_so(run: Run, small: Whole) -> None:
     one_line(run("repair", small.write(MCAP0_MAGIC)), 2, "nothing in it can be read")
 
 
+def test_a_log_says_what_its_recording_lacks(tmp_path: Path) -> None:
+    from gateway.ingest.open import open_log
+
+    path = tmp_path / "a.mcap"
+    with Recorder(path, free=lambda _: 10**12, settings=SMALL) as recorder:
+        for k in range(20):
+            recorder.write_raw(heartbeats(100), times(100, 100 * k) + LATE, link="udp")
+    data = bytearray(path.read_bytes())
+    spans = read_spans(BytesIO(data), len(data)).records
+    chunks = [span for span in spans if span.opcode == Opcode.CHUNK]
+    path.write_bytes(data[: chunks[3].end])
+    unfinished = "the recording was not finished: `shadow repair` makes it whole"
+    assert unfinished in open_log(path).statistics.notes
+    data[chunks[2].end - 20] ^= 0x55
+    path.write_bytes(data)
+    found = open_log(path).statistics
+    (note,) = [note for note in found.notes if "damaged" in note]
+    assert note.startswith(f"1 of {len(chunks)} chunks is damaged and left out: about ")
+    assert "not finished" not in note
+    assert not found.truncated_tail
+    path.write_bytes(data[: chunks[3].end])
+    (note,) = [note for note in open_log(path).statistics.notes if "damaged" in note]
+    assert "and the recording was not finished: `shadow repair` writes" in note
+
+
 def test_a_file_in_which_no_log_is_left_is_refused(tmp_path: Path) -> None:
     from gateway.ingest.open import open_log
 
@@ -226,3 +253,13 @@ def test_a_file_in_which_no_log_is_left_is_refused(tmp_path: Path) -> None:
     path.write_bytes(data)
     with pytest.raises(ShadowError, match="the file is damaged: use another copy of it"):
         open_log(path)
+
+
+def test_a_file_of_what_only_looks_like_records_is_given_up(tmp_path: Path) -> None:
+    """Looking for the next record has a limit (MAX_TRIES): a large file took minutes."""
+    path = tmp_path / "a.mcap"
+    looks = b"\x03" + (5).to_bytes(8, "little")
+    path.write_bytes(MCAP0_MAGIC + looks * (MAX_TRIES * 6))
+    began = time.monotonic()
+    assert not Recording.open(path).finished
+    assert time.monotonic() - began < 60.0
