@@ -259,9 +259,15 @@ def _times(table: TextTable, plan: CsvMapping) -> Times:
     """The column of times [s]: as numbers of its unit, or as dates, which have none."""
     cells = table.cells(plan.time_column)
     first = next(filter(None, cells), "")
-    if ":" in first and (found := written_times(cells)) is not None:
+    if ":" not in first or written_times([first]) is None:
+        return Times(table.numbers(plan.time_column, plan.path) * TIME[plan.time_unit])
+    if (found := written_times(cells)) is not None:
         return found
-    return Times(table.numbers(plan.time_column, plan.path) * TIME[plan.time_unit])
+    odd = next((k for k, c in enumerate(cells) if c and written_times([first, c]) is None), 0)
+    raise BadInput(
+        f"{table.file}: line {table.lines[odd]}, {plan.time_column}: {cells[odd]!r} is no time as "
+        f"{first!r} is"
+    )
 
 
 SOURCE = "CSV"

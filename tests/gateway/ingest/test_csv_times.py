@@ -71,6 +71,10 @@ def test_clock_times_go_on_over_midnight(tmp_path: Path) -> None:
 def test_what_is_no_time_is_told(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="'10:00 in the morning' is no number"):
         table_of(tmp_path, ["10:00 in the morning", "11:00"])
+    with pytest.raises(BadInput, match=r"line 3, t: 'later' is no time as '2026-.* is"):
+        table_of(tmp_path, [iso(0), "later", iso(2)])
+    with pytest.raises(BadInput, match=r"line 4, t: '10:00:00' is no time as '2026-.* is"):
+        table_of(tmp_path, [iso(0), iso(1), "10:00:00"])
 
 
 def test_a_table_that_begins_with_its_last_row_is_turned_round(tmp_path: Path) -> None:
@@ -120,3 +124,4 @@ def test_whole_seconds_are_not_taken_for_a_smoothed_rate(tmp_path: Path) -> None
     path.write_text("\n".join(map(",".join, rows)) + "\n")
     (boat,) = survey(open_log(path)).boats
     assert not any("smoothed" in notice for notice in boat.notices)
+    assert boat.sources["yaw"].rate_hz == pytest.approx(10.0, abs=0.1)
