@@ -20,7 +20,7 @@ class Damage(NamedTuple):
     places: int  # where no record is found, or the head of a chunk is damaged
     others: tuple[str, ...]  # attachments, metadata
     tail_bytes: int  # of a record that a killed writer did not write to its end
-    unknown: int  # records of kinds that only their writer knows
+    not_copied: int  # records of kinds that only their writer knows, or of a name that comes again
 
     def __bool__(self) -> bool:
         """Is anything damaged? A file that is merely unfinished is not."""
@@ -29,7 +29,7 @@ class Damage(NamedTuple):
     @property
     def drops_bytes(self) -> bool:
         """Does it hold anything that a repaired file does not?"""
-        return bool(self) or self.tail_bytes > 0 or self.unknown > 0
+        return bool(self) or self.tail_bytes > 0 or self.not_copied > 0
 
     def text(self) -> str:
         """One sentence without its full stop; empty where nothing is damaged."""
@@ -50,9 +50,13 @@ class Damage(NamedTuple):
 
 
 def damage_of(
-    spans: Spans, blocks: Iterable[Block | Damaged], others: tuple[str, ...] = ()
+    spans: Spans, blocks: Iterable[Block | Damaged], others: tuple[str, ...], repeated: int
 ) -> Damage:
-    """What is missing of a recording; chunks that were not met are in the index of the file."""
+    """What is missing of a recording; chunks that were not met are in the index of the file.
+
+    others    attachments and metadata that are damaged
+    repeated  how many others have a name that comes again
+    """
     chunks = messages = places = 0
     for block in (timeline := _Timeline()).through(blocks):
         chunks += block.is_chunk
@@ -63,7 +67,7 @@ def damage_of(
     unknown = sum(opcode not in KNOWN for opcode in opcodes)
     return Damage(
         chunks + max(0, indexed - met), max(met, indexed), timeline.lost_ns * 1e-9, messages,
-        places + len(spans.gaps) + spans.mended, others, spans.tail_bytes, unknown,
+        places + len(spans.gaps) + spans.mended, others, spans.tail_bytes, unknown + repeated,
     )  # fmt: skip
 
 

@@ -88,7 +88,11 @@ class Recording:
     @cached_property
     def damage(self) -> Damage:
         """What cannot be read of it; reads all of it."""
-        return damage_of(self._spans, read_blocks(self.path, self._spans), self._lost)
+        opcodes = [span.opcode for span in self._spans.records]
+        there = opcodes.count(Opcode.METADATA) + opcodes.count(Opcode.ATTACHMENT)
+        repeated = there - len(self.metadata) - len(self.attachments) - len(self._lost)
+        blocks = read_blocks(self.path, self._spans)
+        return damage_of(self._spans, blocks, self._lost, repeated)
 
     def counts(self) -> dict[str, int]:
         """Channel topic -> number of messages."""

@@ -41,12 +41,11 @@ class Repair(NamedTuple):
         parts = [f"made whole: {counted(self.messages, 'message')}"]
         if self.damage:
             parts.append(self.damage.text())
-        elif self.kept is not None:
-            parts.append(
-                "its last bytes are of no whole record"
-                if self.damage.tail_bytes
-                else "records of a kind that only their writer knows are left out"
-            )
+        elif self.damage.tail_bytes:
+            parts.append("its last bytes are of no whole record")
+        if self.damage.not_copied:
+            records = counted(self.damage.not_copied, "record")
+            parts.append(f"{records} of unknown kinds or of a name that comes again left out")
         if self.kept is not None:
             parts.append(f"the file as it was: {self.kept}")
         return f"{self.path}: " + "; ".join(parts)

@@ -16,7 +16,7 @@ from gateway.errors import BadInput, ShadowError
 from gateway.recording.reader import Recording
 from gateway.recording.recorder import Recorder, RecordingSettings
 from gateway.recording.repair import repair
-from gateway.recording.spans import MAX_TRIES, PREFIX_BYTES, Span, read_spans
+from gateway.recording.spans import MAX_TRIES, PREFIX, PREFIX_BYTES, Span, read_spans
 from gateway.recording.writer import Compression
 from tests.gateway.command_line import Run, one_line
 from tests.gateway.test_recording import heartbeats
@@ -192,6 +192,21 @@ def test_a_file_that_holds_nothing_is_left_as_it_is(small: Whole, data: bytes) -
         repair(path)
     assert path.read_bytes() == data
     assert list(path.parent.iterdir()) == [path]
+
+
+def test_what_is_not_copied_keeps_the_file_as_it_was(small: Whole) -> None:
+    """Records of an application's own, and a second attachment of one name."""
+    own = PREFIX.pack(0x91, 12) + b"of ourselves"
+    spans = read_spans(BytesIO(small.data), len(small.data)).records
+    (item,) = [span for span in spans if span.opcode == Opcode.ATTACHMENT]
+    again = small.data[item.start - PREFIX_BYTES : item.end]
+    path = small.write(small.data[: small.head(4)] + own + again)
+    before = path.read_bytes()
+    done = repair(path)
+    assert not done.damage
+    assert "2 records of unknown kinds or of a name that comes again left out" in done.text()
+    assert done.kept is not None
+    assert done.kept.read_bytes() == before
 
 
 def test_zeros_behind_an_unfinished_file_are_nothing_to_keep(small: Whole) -> None:
