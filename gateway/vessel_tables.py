@@ -3,6 +3,7 @@
 Bounds are wide: they stop what no boat is, no integration can follow, no compiler can finish.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -268,6 +269,11 @@ class VesselFile(StrictTable):
         return any(k.startswith("dynamics.") and m.says.startswith(GUESSED) for k, m in marks)
 
 
+def _or_one_of(thrusters: Sequence[str]) -> str:
+    """The thrusters whose table another one may take, at the end of a sentence."""
+    return f", or a thruster that has one ({', '.join(thrusters)})" if thrusters else ""
+
+
 def check_tables(file: Path, read: VesselFile) -> None:
     """BadInput where actuators share a name or an output, or refer to one that is not there."""
     thrusters = [t.name for t in read.thrusters]
@@ -283,8 +289,8 @@ def check_tables(file: Path, read: VesselFile) -> None:
             raise BadInput(
                 f"{file}: thrusters[{i}].curve = {thruster.curve!r}: "
                 f"{did_you_mean(thruster.curve, (*CURVES, *tables))}expected {', '.join(CURVES)}, "
-                "a table of [command, share of full thrust], or a thruster that has one "
-                f"({', '.join(tables)})"
+                f"{'' if tables else 'or '}a table of [command, share of full thrust]"
+                f"{_or_one_of(tables)}"
             )
     for i, rudder in enumerate(read.rudders):
         for named in (rudder.wash, rudder.motor):

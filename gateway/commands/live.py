@@ -35,8 +35,8 @@ def live(
     endpoints: Annotated[
         list[str] | None,
         typer.Argument(
-            help="udpin:HOST:PORT, udpout:…, tcp:…, tcpin:…, /dev/NAME[,BAUD], zenoh:KEY. Default: "
-            "those of the configuration."
+            help="udpin:HOST:PORT (or udp:…), udpout:…, tcp:…, tcpin:…, /dev/NAME[,BAUD], "
+            "zenoh:KEY. Default: those of the configuration."
         ),
     ] = None,
     vessel: Annotated[

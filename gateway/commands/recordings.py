@@ -35,7 +35,7 @@ from gateway.commands import (
     vessel_from,
 )
 from gateway.commands.completion import formats_begun
-from gateway.errors import BadInput, counted, numerical_errors, printable
+from gateway.errors import BadInput, numerical_errors, printable
 from gateway.files import check_place, guarded_outputs, named_as, vessel_path
 
 Length = Annotated[float | None, typer.Option(help="Length [m].")]
@@ -232,13 +232,14 @@ def export(
 
 
 def repair(file: Annotated[Path, typer.Argument(help="An MCAP recording.")]) -> None:
-    """Make a recording whole that was cut off (power, kill): rewritten in one piece."""
-    from gateway.recording.reader import repair as work
+    """Make a recording whole that was cut off (power, kill) or is damaged.
 
-    done = work(file)
-    made = f"made whole: {counted(done.messages, 'message')}"
-    state = "was whole already" if done.was_finished else made
-    print(printable(f"{done.path}: {state}"))
+    It is written anew from all that can be read. Where anything of the old file is not in the new
+    one, the old one is kept as FILE.damaged.
+    """
+    from gateway.recording.repair import repair as work
+
+    print(printable(work(file).text()))
 
 
 def report(

@@ -82,7 +82,8 @@ def transport_of(text: str) -> Transport:
         raise ValueError("not a connection string")
     except ValueError as error:
         forms = ", ".join(source.form for source in known_sources())
-        raise BadInput(f'endpoint "{text}": {error}; expected {forms}') from None
+        short = ", ".join(f"{alias}: is {kind}:" for alias, kind in ALIASES.items())
+        raise BadInput(f'endpoint "{text}": {error}; expected {forms}; {short}') from None
 
 
 BACKOFF_S = (0.25, 0.5, 1.0, 2.0, 5.0)  # between attempts to open a transport again

@@ -1,13 +1,12 @@
-"""Reads MCAP record by record, so that a file whose writer was killed opens all the same.
+"""Reads the messages of an MCAP file, chunk by chunk; a chunk that is damaged is left out.
 
-A record is an opcode (1 byte), a length (8 bytes) and that many bytes. What does not fit into the
-file any more was being written when the writer died, and ends the recording. Records of a kind that
-is not known are passed over, as the format asks (0x80 and above belong to applications). Messages
-inside a chunk are found by a compiled walk: the library's own takes ten times as long.
+Messages inside a chunk are found by a compiled walk: the library's own takes ten times as long.
 """
 
 import struct
+import zlib
 from collections.abc import Iterator
+from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
 from typing import IO, NamedTuple
@@ -18,18 +17,16 @@ from lz4.frame import LZ4FrameDecompressor
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, Schema
+from mcap.records import Channel, Chunk, ChunkIndex, Schema
 from mcap.stream_reader import CRCValidationError, get_chunk_data_stream
-from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
 from gateway.errors import BadInput
+from gateway.recording.spans import PREFIX_BYTES, Span, Spans
 from sim.kernel.compiled import compiled
 
 Integers = NDArray[np.int64]
 
-PREFIX = struct.Struct("<BQ")
-NO_OPCODE = 0  # of a file that was made longer than what was written
 CHANNEL_ID, SEQUENCE, LOG_TIME, PUBLISH_TIME, DATA = (
     0,
     2,
@@ -37,7 +34,6 @@ CHANNEL_ID, SEQUENCE, LOG_TIME, PUBLISH_TIME, DATA = (
     14,
     22,
 )  # offsets inside a message record
-PREFIX_BYTES = 9
 MESSAGE, SCHEMA, CHANNEL = int(Opcode.MESSAGE), int(Opcode.SCHEMA), int(Opcode.CHANNEL)
 
 
@@ -45,21 +41,6 @@ MESSAGE, SCHEMA, CHANNEL = int(Opcode.MESSAGE), int(Opcode.SCHEMA), int(Opcode.C
 # times its size, one of a boat at rest to forty.
 MAX_EXPANSION = 200  # times the size of the file …
 ALWAYS_UNPACKED = 64 * 1024 * 1024  # … and this many bytes of any file
-
-
-class Span(NamedTuple):
-    """Where the content of a record stands in the file."""
-
-    opcode: int
-    start: int
-    length: int
-
-
-class Spans(NamedTuple):
-    """All whole records of a file, and whether its writer finished it."""
-
-    records: tuple[Span, ...]
-    finished: bool
 
 
 class Block(NamedTuple):
@@ -74,24 +55,6 @@ class Block(NamedTuple):
     end: Integers
     channels: dict[int, Channel]
     schemas: dict[int, Schema]
-
-
-def read_spans(stream: IO[bytes], size: int) -> Spans:
-    """Walk over all records up to the footer or to what a killed writer left undone."""
-    records = []
-    at = len(MCAP0_MAGIC)
-    while at + PREFIX_BYTES <= size:
-        stream.seek(at)
-        opcode, length = PREFIX.unpack(stream.read(PREFIX_BYTES))
-        at += PREFIX_BYTES
-        if opcode == NO_OPCODE or at + length > size:
-            break
-        records.append(Span(opcode, at, length))
-        at += length
-        if opcode == Opcode.FOOTER:
-            stream.seek(at)
-            return Spans(tuple(records), stream.read(len(MCAP0_MAGIC)) == MCAP0_MAGIC)
-    return Spans(tuple(records), False)
 
 
 @compiled
@@ -166,11 +129,16 @@ def read_content(stream: IO[bytes], span: Span) -> ReadDataStream:
     return ReadDataStream(BytesIO(stream.read(span.length)))
 
 
-def _unpacked(stream: IO[bytes], span: Span, room: int) -> bytes | None:
-    """The records inside a chunk, or None where it is damaged; BadInput beyond `room` bytes."""
+def _unpacked(stream: IO[bytes], span: Span, room: int, indexed: int | None) -> bytes | None:
+    """The records inside a chunk, or None where it is damaged; BadInput beyond `room` bytes.
+
+    indexed  how much it unpacks to by the index of the file [bytes]; None where it has none
+    """
     try:
         chunk = Chunk.read(read_content(stream, span))
         size = chunk.uncompressed_size
+        if indexed not in (None, size):
+            return None
         if chunk.compression == "zstd":  # what the packed data themselves ask for goes first
             asked = zstandard.get_frame_parameters(chunk.data).content_size
             if asked != zstandard.CONTENTSIZE_UNKNOWN:  # of a stream, which gets `size` at most
@@ -182,7 +150,8 @@ def _unpacked(stream: IO[bytes], span: Span, room: int) -> bytes | None:
             )
         if chunk.compression == "lz4":
             unpacked = LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
-            return unpacked if len(unpacked) == size else None
+            whole = chunk.uncompressed_crc in (0, zlib.crc32(unpacked)) and len(unpacked) == size
+            return unpacked if whole else None
         data, length = get_chunk_data_stream(chunk, validate_crc=True)
         return data.read(length)
     except DAMAGE:
@@ -195,23 +164,91 @@ DAMAGE = (  # what readers of a damaged record raise
 )  # fmt: skip
 
 
-def read_blocks(path: Path, spans: Spans) -> Iterator[Block | None]:
-    """All messages in file order; None stands for a chunk that is damaged."""
+class Damaged(NamedTuple):
+    """Messages that cannot be read: a chunk or record, a gap, or so many whose channel is lost."""
+
+    is_chunk: bool = False
+    is_record: bool = False  # outside of chunks
+    messages: int = 0
+
+
+def read_blocks(path: Path, spans: Spans) -> Iterator[Block | Damaged]:
+    """All messages in file order, and where some are missing because the file is damaged."""
     room = ALWAYS_UNPACKED + MAX_EXPANSION * path.stat().st_size
     channels: dict[int, Channel] = {}
     schemas: dict[int, Schema] = {}
+    gaps = {gap.before for gap in spans.gaps}
     with path.open("rb") as stream:
-        for span in spans.records:
+        sizes, summary = _indexed_sizes(stream, spans), _summary(stream, spans)
+        for number, span in enumerate(spans.records):
+            if number in gaps:
+                yield Damaged()
             if span.opcode == Opcode.CHUNK:
                 try:
-                    data = _unpacked(stream, span, room)
+                    data = _unpacked(stream, span, room, sizes.get(span.start - PREFIX_BYTES))
                 except BadInput as error:
                     raise BadInput(f"{path}: {error}") from None
                 room -= 0 if data is None else len(data)
-                yield None if data is None else _block_of(data, channels, schemas)
             elif span.opcode in (MESSAGE, SCHEMA, CHANNEL):
                 stream.seek(span.start - PREFIX_BYTES)
                 data = stream.read(PREFIX_BYTES + span.length)
-                yield _block_of(data, channels, schemas)
             elif span.opcode == Opcode.DATA_END:
                 return
+            else:
+                continue
+            block = None if data is None else _block_of(data, channels, schemas)
+            if block is None:
+                is_chunk = span.opcode == Opcode.CHUNK
+                yield Damaged(is_chunk, is_record=not is_chunk)
+            else:
+                yield from _with_channels(block, summary)
+
+
+def _indexed_sizes(stream: IO[bytes], spans: Spans) -> dict[int, int]:
+    """Where a chunk begins in the file -> its size unpacked [bytes], as the file's index says."""
+    sizes = {}
+    for span in spans.records:
+        if span.opcode == Opcode.CHUNK_INDEX:
+            with suppress(*DAMAGE):
+                entry = ChunkIndex.read(read_content(stream, span))
+                sizes[entry.chunk_start_offset] = entry.uncompressed_size
+    return sizes
+
+
+class _Definitions(NamedTuple):
+    """Channels and schemas by number."""
+
+    channels: dict[int, Channel]
+    schemas: dict[int, Schema]
+
+
+def _summary(stream: IO[bytes], spans: Spans) -> _Definitions:
+    """What stands once more at the end of a finished file."""
+    found = _Definitions({}, {})
+    opcodes = [span.opcode for span in spans.records]
+    begins = opcodes.index(Opcode.DATA_END) if Opcode.DATA_END in opcodes else len(opcodes)
+    for span in spans.records[begins:]:
+        with suppress(*DAMAGE):
+            if span.opcode == SCHEMA:
+                schema = Schema.read(read_content(stream, span))
+                found.schemas[schema.id] = schema
+            elif span.opcode == CHANNEL:
+                channel = Channel.read(read_content(stream, span))
+                found.channels[channel.id] = channel
+    return found
+
+
+def _with_channels(block: Block, summary: _Definitions) -> Iterator[Block | Damaged]:
+    """A block without messages of unknown channels; those of lost chunks are in the summary."""
+    missing = set(np.unique(block.channel).tolist()) - block.channels.keys()
+    for number in sorted(missing & summary.channels.keys()):
+        block.channels[number] = channel = summary.channels[number]
+        if channel.schema_id in summary.schemas:
+            block.schemas.setdefault(channel.schema_id, summary.schemas[channel.schema_id])
+    if not missing - summary.channels.keys():
+        yield block
+        return
+    known = np.isin(block.channel, list(block.channels))
+    columns = ("channel", "sequence", "log_time_ns", "publish_time_ns", "start", "end")
+    yield block._replace(**{name: getattr(block, name)[known] for name in columns})
+    yield Damaged(messages=int((~known).sum()))

@@ -1,29 +1,30 @@
 """A recording opened for reading: finished or not, as the gateway or another program wrote it."""
 
-import os
-import time
+import struct
+import zlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import IO, Any, Self
 
 import numpy as np
 import orjson
 from mcap import records
+from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
+from mcap.writer import MCAP0_MAGIC, Writer
 from numpy.typing import NDArray
 
-from gateway.errors import BadInput, ShadowError
+from gateway.errors import BadInput
 from gateway.json_rows import TopicRows
-from gateway.recording.blocks import DAMAGE, Block, Spans, read_blocks, read_content, read_spans
+from gateway.recording.blocks import DAMAGE, Block, read_blocks, read_content
+from gateway.recording.damage import Damage, damage_of
 from gateway.recording.recorder import LINK, RAW, Attachment
-
-DAMAGED = "{}: the file is damaged: use another copy of it"
+from gateway.recording.spans import Span, Spans, read_spans
 
 Integers = NDArray[np.int64]
-QUIET_SECONDS = 10.0
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,7 @@ class Recording:
     metadata: Mapping[str, Mapping[str, str]]
     attachments: Mapping[str, Attachment]
     _spans: Spans
+    _lost: tuple[str, ...] = ()  # attachments and metadata that are damaged
 
     @classmethod
     def open(cls, path: Path) -> Self:
@@ -64,28 +66,33 @@ class Recording:
             if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
                 raise BadInput(f"{path}: not an MCAP file: give a recording that ends in .mcap")
             spans = read_spans(stream, path.stat().st_size)
-            metadata, attachments = {}, {}
+            metadata, attachments, lost = {}, {}, []
             for span in spans.records:
                 try:
                     if span.opcode == Opcode.METADATA:
                         entry = records.Metadata.read(read_content(stream, span))
                         metadata[entry.name] = entry.metadata
                     elif span.opcode == Opcode.ATTACHMENT:
-                        item = records.Attachment.read(read_content(stream, span))
-                        attachments[item.name] = Attachment(item.name, item.media_type, item.data)
+                        item = _attachment(stream, span)
+                        attachments[item.name] = item
                 except DAMAGE:
-                    if spans.finished:
-                        raise ShadowError(DAMAGED.format(path)) from None
-        return cls(path, spans.finished, metadata, attachments, spans)
+                    lost.append("metadata" if span.opcode == Opcode.METADATA else "attachment")
+        return cls(path, spans.finished, metadata, attachments, spans, tuple(lost))
 
     def blocks(self) -> Iterator[Block]:
-        """All messages, a chunk at a time. An unfinished file ends where it is damaged."""
+        """All messages that can be read, a chunk at a time; `damage` tells what is left out."""
         for block in read_blocks(self.path, self._spans):
-            if block is None and self.finished:
-                raise ShadowError(DAMAGED.format(self.path))
-            if block is None:
-                return
-            yield block
+            if isinstance(block, Block):
+                yield block
+
+    @cached_property
+    def damage(self) -> Damage:
+        """What cannot be read of it; reads all of it."""
+        opcodes = [span.opcode for span in self._spans.records]
+        there = opcodes.count(Opcode.METADATA) + opcodes.count(Opcode.ATTACHMENT)
+        repeated = there - len(self.metadata) - len(self.attachments) - len(self._lost)
+        blocks = read_blocks(self.path, self._spans)
+        return damage_of(self._spans, blocks, self._lost, repeated)
 
     def counts(self) -> dict[str, int]:
         """Channel topic -> number of messages."""
@@ -134,39 +141,6 @@ class Recording:
         )
 
 
-class Repair(NamedTuple):
-    """What `repair` found and wrote."""
-
-    path: Path
-    was_finished: bool
-    messages: int
-
-
-def repair(path: Path, now: Callable[[], float] = time.time) -> Repair:
-    """Rewrite an unfinished recording whole, in its place; a finished one stays as it is."""
-    recording = Recording.open(path)
-    if recording.finished:
-        return Repair(path, True, sum(recording.counts().values()))
-    age = now() - path.stat().st_mtime
-    if 0.0 <= age < QUIET_SECONDS:
-        raise BadInput(
-            f"{path}: was written {age:.0f} s ago, it may still be recording: stop that first, "
-            f"or wait {QUIET_SECONDS:.0f} s"
-        )
-    whole = path.with_name(path.name + ".repair")
-    try:
-        with whole.open("wb") as stream:
-            messages = rewrite(recording, Writer(stream, compression=CompressionType.ZSTD))
-            stream.flush()
-            os.fsync(stream.fileno())
-        whole.replace(path)
-    except OSError as error:
-        raise ShadowError(f"{path}: cannot be repaired: {error.strerror or error}") from error
-    finally:
-        whole.unlink(missing_ok=True)
-    return Repair(path, False, messages)
-
-
 def rewrite(
     recording: Recording,
     writer: Writer,
@@ -202,7 +176,7 @@ def copy_messages(
                 channels[old] = writer.register_channel(
                     channel.topic,
                     channel.message_encoding,
-                    schemas[channel.schema_id],
+                    schemas.get(channel.schema_id, 0),  # its schema may be damaged
                     channel.metadata,
                 )
         messages = _messages(block)
@@ -214,6 +188,17 @@ def copy_messages(
         count += len(messages)
     writer.finish()
     return count
+
+
+def _attachment(stream: IO[bytes], span: Span) -> Attachment:
+    """A file inside the file; raises one of `DAMAGE` where it is not as it was written."""
+    content = read_content(stream, span)
+    item = records.Attachment.read(content)
+    stream.seek(span.start)
+    *_, told = struct.unpack("<I", (whole := stream.read(span.length))[-4:])
+    if told not in (0, zlib.crc32(whole[:-4])):
+        raise McapError("its checksum differs")
+    return Attachment(item.name, item.media_type, item.data)
 
 
 def _messages(block: Block) -> Integers:

@@ -196,7 +196,12 @@ MISTAKES = {
     "pwm": ("channel = 4", "channel = 4\npwm = [1900, 1500, 1100]", "must be ascending pulse"),
     "pwm range": ("channel = 4", "channel = 4\npwm = [0, 1, 2]", "must be ascending pulse"),
     "thrust": ("[-60.0, 120.0]", "[60.0, 120.0]", "thrusters[0].thrust = [60.0, 120.0]: must be"),
-    "curve": ('"quadratic"', '"cubic"', "thrusters[0].curve = 'cubic': expected linear, quadratic"),
+    "curve": (
+        '"quadratic"',
+        '"cubic"',
+        "thrusters[0].curve = 'cubic': expected linear, quadratic, or a table of [command, share "
+        "of full thrust]",
+    ),
     "table": ('"quadratic"', "[[-1, -1], [0, 0.1], [1, 1]]", "must run from [-1, -1] through"),
     "falls": ('"quadratic"', TABLE, "share of full thrust must not fall"),
     "degrees": (

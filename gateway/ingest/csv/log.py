@@ -34,7 +34,8 @@ from numpy.typing import NDArray
 
 from gateway.errors import BadInput, counted
 from gateway.ingest.clock import CONFIRM, JUMP, SECOND, SLEEP, BoatClock
-from gateway.ingest.csv.text import read_text
+from gateway.ingest.csv.text import TextTable, read_text
+from gateway.ingest.csv.times import Times, is_descending, spread_whole_seconds, written_times
 from gateway.ingest.csv.units import (
     ANGLE,
     LATEST_S,
@@ -45,6 +46,7 @@ from gateway.ingest.csv.units import (
     TIME,
     Scale,
     about_steps,
+    check_steps,
     check_time,
     check_unit,
 )
@@ -80,7 +82,8 @@ def repair_time(time_s: Floats) -> TimeColumn:
     time = time_s[kept].copy()
     steps = np.diff(time)
     cuts = np.flatnonzero((steps < -JUMP_S) | (steps > SLEEP_S)) + 1
-    pieces = np.split(time, cuts)
+    spread = [spread_whole_seconds(piece) for piece in np.split(time, cuts)]
+    pieces = [piece.time_s for piece in spread]
     for before, piece in pairwise(pieces):
         if piece[0] < before.max():
             piece += before.max() + 1.0 - piece.min()
@@ -89,6 +92,7 @@ def repair_time(time_s: Floats) -> TimeColumn:
         notes.append(f"{counted(lost, 'row')} left out: a time far from that of its neighbours")
     if len(pieces) > 1:
         notes.append(f"time leaps within the table: read as {len(pieces)} sessions")
+    notes += dict.fromkeys(note for piece in spread for note in piece.notes)
     sessions = tuple((float(p.min()), float(p.max())) for p in pieces if len(p))
     return TimeColumn(kept, np.concatenate(pieces), sessions, tuple(notes))
 
@@ -251,6 +255,21 @@ def check_names(file: Path, plan: CsvMapping, there: Sequence[str]) -> None:
             )
 
 
+def _times(table: TextTable, plan: CsvMapping) -> Times:
+    """The column of times [s]: as numbers of its unit, or as dates, which have none."""
+    cells = table.cells(plan.time_column)
+    first = next(filter(None, cells), "")
+    if ":" not in first or written_times([first]) is None:
+        return Times(table.numbers(plan.time_column, plan.path) * TIME[plan.time_unit])
+    if (found := written_times(cells)) is not None:
+        return found
+    odd = next((k for k, c in enumerate(cells) if c and written_times([first, c]) is None), 0)
+    raise BadInput(
+        f"{table.file}: line {table.lines[odd]}, {plan.time_column}: {cells[odd]!r} is no time as "
+        f"{first!r} is"
+    )
+
+
 SOURCE = "CSV"
 
 
@@ -273,8 +292,11 @@ class CsvLog(Log):
         table = read_text(file, raw)
         plan = read_mapping(Path(mapping) if mapping is not None else beside(file))
         check_names(file, plan, table.header)
-        values = {name: table.numbers(name) for name in plan.names()}
-        return cls.from_columns(file, plan, values, len(raw), table.notes)
+        names = [name for name in plan.names() if name != plan.time_column]
+        values = {name: table.numbers(name, plan.path) for name in names}
+        time = _times(table, plan)
+        values[plan.time_column] = time.time_s / TIME[plan.time_unit]
+        return cls.from_columns(file, plan, values, len(raw), (*table.notes, *time.notes))
 
     @classmethod
     def from_columns(
@@ -294,9 +316,13 @@ class CsvLog(Log):
         others, damaged = without_damaged(others)
         values = {**values, **others}
         check_time(file, plan.time_column, plan.time_unit, time)
+        if is_descending(time):
+            time, values = time[::-1], {name: column[::-1] for name, column in values.items()}
+            notes = (*notes, "its last row comes first: rows are read in the order of their times")
         known = np.abs(time) < LATEST_S  # NaN is not
         repaired = repair_time(time[known])
         kept = repaired.time_s
+        check_steps(file, plan.time_column, plan.time_unit, kept)
         timeless = counted(int((~known).sum()), "row")
         absent = () if known.all() else (f"{timeless} without a time left out",)
         statistics = Statistics(

@@ -38,28 +38,39 @@ class TextTable:
     delimiter: str
     notes: tuple[str, ...] = ()
 
-    def numbers(self, name: str) -> Floats:
-        """One column (K,) as numbers; NaN for an empty or missing cell."""
+    def cells(self, name: str) -> list[str]:
+        """One column (K,) as text; "" for a missing cell."""
         index = self.header.index(name)
+        return [row[index].strip() if index < len(row) else "" for row in self.rows]
+
+    def numbers(self, name: str, mapping: str) -> Floats:
+        """One column (K,) as numbers; NaN for an empty or missing cell.
+
+        mapping  the file that says what the columns are, for hints
+        """
         values = np.full(len(self.rows), np.nan)
-        for number, row in enumerate(self.rows):
-            cell = row[index].strip() if index < len(row) else ""
+        for number, cell in enumerate(self.cells(name)):
             try:
                 values[number] = float(cell) if cell else np.nan
             except ValueError:
                 raise BadInput(
                     f"{self.file}: line {self.lines[number]}, {name}: {cell!r} is no number"
-                    f"{self._hint(cell)}"
+                    f"{self._hint(cell, mapping)}"
                 ) from None
         return values
 
-    def _hint(self, cell: str) -> str:
+    def _hint(self, cell: str, mapping: str) -> str:
         """How a cell that is no number becomes one, where that is known."""
         try:
             float(cell.replace(",", ".", 1))
         except ValueError:
             return ""
-        how = "" if self.delimiter == "," else f": tr , . < {self.file.name} > points.csv"
+        how = (
+            ""
+            if self.delimiter == ","
+            else f": tr , . < {shell_path(self.file)} > points.csv, then read points.csv with "
+            f"--mapping {shell_path(mapping)}"
+        )
         return f"; decimal commas have to become points{how}"
 
 
@@ -68,7 +79,8 @@ def read_text(file: Path, raw: bytes) -> TextTable:
     if is_utf16(raw):
         raise BadInput(
             f"{file} is UTF-16 text: a table is read as UTF-8: "
-            f"iconv -f UTF-16 -t UTF-8 {shell_path(file)} > utf8.csv"
+            f"iconv -f UTF-16 -t UTF-8 {shell_path(file)} > utf8.csv, then read "
+            "utf8.csv with --mapping FILE"
         )
     try:
         content = raw.decode("utf-8-sig")
@@ -76,13 +88,17 @@ def read_text(file: Path, raw: bytes) -> TextTable:
         line, byte = raw.count(b"\n", 0, error.start) + 1, raw[error.start]
         raise BadInput(
             f"{file}: line {line} is not UTF-8 (byte 0x{byte:02x}), as a table has to be; if it is "
-            f"Latin-1: iconv -f LATIN1 -t UTF-8 {shell_path(file)} > utf8.csv"
+            f"Latin-1: iconv -f LATIN1 -t UTF-8 {shell_path(file)} > utf8.csv, then read "
+            "utf8.csv with --mapping FILE"
         ) from None
+    content = io.StringIO(content, newline=None).read()  # any line ends
+    comments = _leading_comments(content)
+    content = content.split("\n", comments)[-1]
     first = content.split("\n", 1)[0]
     delimiter = max(DELIMITERS, key=first.count)
     reader = csv.reader(io.StringIO(content), delimiter=delimiter)
     try:
-        rows = [(reader.line_num, row) for row in reader]
+        rows = [(comments + reader.line_num, row) for row in reader]
     except csv.Error as error:
         raise BadInput(f"{file}: not a table: {error}") from None
     if not rows:
@@ -92,6 +108,13 @@ def read_text(file: Path, raw: bytes) -> TextTable:
     kept, notes = _of_width(file, len(header), found, delimiter)
     lines, cells = tuple(line for line, _ in kept), tuple(row for _, row in kept)
     return TextTable(file, tuple(header), lines, cells, delimiter, notes)
+
+
+def _leading_comments(content: str) -> int:
+    """How many lines before the header are comments or empty; none where all are."""
+    lines = content.split("\n")
+    table = (k for k, line in enumerate(lines) if line.strip() and not line.startswith("#"))
+    return next(table, 0)
 
 
 def _without_empty_end(cells: list[str], width: int) -> list[str]:

@@ -30,6 +30,9 @@ LEAST_PULSE_US, MOST_FRACTION = 400.0, 1.2
 FURTHEST_DEG = {"latitude": 90.0, "longitude": 360.0}
 HALF_CIRCLE_DEG = 180.0
 SHORTEST_STEP_S, LONGEST_STEP_S = 0.002, 5.0  # from row to row
+# Further apart rows are no telemetry. A table is worked on in steps of a tenth of a second, however
+# few rows it has: this bounds the work by their number.
+REFUSED_STEP_S = 10.0
 
 
 def check_unit(file: Path, name: str, column: str, unit: str, values: Floats) -> None:
@@ -83,9 +86,29 @@ def about_steps(time_s: Floats, unit: str) -> tuple[str, ...]:
     step = float(np.median(steps)) if len(steps) else LONGEST_STEP_S
     if SHORTEST_STEP_S <= step <= LONGEST_STEP_S:
         return ()
-    others = {other: step / TIME[unit] * size for other, size in TIME.items()}
+    return (f"{_apart(step)}: is {unit!r} the unit of time?{_instead(step, unit)}",)
+
+
+def check_steps(file: Path, column: str, unit: str, time_s: Floats) -> None:
+    """BadInput where rows at times (K,) [s] are further apart than those of any telemetry."""
+    steps = np.diff(time_s)
+    steps = steps[steps > 0.0]
+    step = float(np.median(steps)) if len(steps) else 0.0
+    if step > REFUSED_STEP_S:
+        raise BadInput(
+            f"{file}: {_apart(step)}, which no telemetry of a boat is: is {unit!r} the unit of "
+            f"column {column!r}?{_instead(step, unit)}"
+        )
+
+
+def _apart(step_s: float) -> str:
+    return f"rows are {step_s:.3g} s apart"
+
+
+def _instead(step_s: float, unit: str) -> str:
+    """The units of time in which steps would be usual ones."""
+    others = {other: step_s / TIME[unit] * size for other, size in TIME.items()}
     fits = [
         f"{s:.3g} s in {u!r}" for u, s in others.items() if SHORTEST_STEP_S <= s <= LONGEST_STEP_S
     ]
-    instead = f" They would be {' or '.join(fits)}" if fits else ""
-    return (f"rows are {step:.3g} s apart: is {unit!r} the unit of time?{instead}",)
+    return f" They would be {' or '.join(fits)}" if fits else ""

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.errors import BadInput
+from gateway.errors import BadInput, counted
 from gateway.ingest import looks_like
 from gateway.ingest.clock import STEP_BACK
 from gateway.ingest.log import (
@@ -76,14 +76,38 @@ def same_frame(data: Bytes, h: Headers, one: int, other: int) -> bool:
 
 
 @compiled
+def unnumbered(h: Headers) -> NDArray[np.bool_]:
+    """Headers (K,) -> which sources (SOURCES,) give all their frames the same number.
+
+    Of two alike frames one may be doubled: a third one shows that the number never changes.
+    """
+    first, count = np.full(SOURCES, -1, np.int64), np.zeros(SOURCES, np.int64)
+    changes = np.zeros(SOURCES, np.bool_)
+    for i in range(len(h.offset)):
+        source = np.int64(h.system[i]) * 256 + h.component[i]
+        count[source] += 1
+        if first[source] < 0:
+            first[source] = h.sequence[i]
+        elif first[source] != h.sequence[i]:
+            changes[source] = True
+    return ~changes & (count > 2)
+
+
+@compiled
 def continuity(data: Bytes, h: Headers) -> tuple[int, int, int]:
-    """Headers (K,) -> frames lost, late, doubled, each source (system, component) by itself."""
+    """Headers (K,) -> frames lost, late, doubled, each source (system, component) by itself.
+
+    A source whose numbers never change tells none of these.
+    """
     lost = late = doubled = 0
+    silent = unnumbered(h)
     last = np.full(SOURCES, -1, np.int64)  # frame before this one
     expected = np.zeros(SOURCES, np.int64)
     restart = np.full(SOURCES, -1, np.int64)  # follows if a step back was a reboot
     for i in range(len(h.offset)):
         source = np.int64(h.system[i]) * 256 + h.component[i]
+        if silent[source]:
+            continue
         number, after = np.int64(h.sequence[i]), (np.int64(h.sequence[i]) + 1) & 0xFF
         before, last[source] = last[source], i
         gap = (number - expected[source]) & 0xFF
@@ -215,7 +239,7 @@ def _statistics(data: NDArray[np.uint8], headers: Headers, tally: Ints) -> Stati
         truncated_tail=bool(tally[Tally.TRUNCATED_TAIL]),
         lost=int(lost),
         duplicates=int(doubled),
-        notes=(_late(int(late)),) if late else (),
+        notes=(*((_late(int(late)),) if late else ()), *_about_unnumbered(headers)),
     )
 
 
@@ -235,6 +259,18 @@ def _flapping(steps: int) -> str:
     return (
         f"the receiver's clock was set back {steps} times, though the frames are in order: when "
         "they were received is not known"
+    )
+
+
+def _about_unnumbered(headers: Headers) -> tuple[str, ...]:
+    """A sentence about sources whose frames all have the same number."""
+    of_source = headers.system.astype(np.int64) * 256 + headers.component
+    count = int(np.count_nonzero(unnumbered(headers)[of_source]))
+    if not count:
+        return ()
+    return (
+        f"{counted(count, 'frame')} of sources whose sequence numbers never change: whether any "
+        "were lost or late is not known",
     )
 
 

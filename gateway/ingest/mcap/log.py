@@ -35,7 +35,7 @@ import orjson
 import zstandard
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gateway.errors import BadInput, printable
+from gateway.errors import BadInput, ShadowError, printable
 from gateway.ingest import HEAD, read_bytes
 from gateway.ingest.log import Log, Statistics
 from gateway.ingest.mavlink.frames import definitions, ids_by_name
@@ -60,6 +60,11 @@ def mcap_log(path: str | Path, mapping: str | Path | None) -> Log:
         enclosed = open_enclosed(recording, mapping)
         if enclosed is not None:
             return enclosed
+        if recording.damage:
+            raise ShadowError(
+                f"{path}: the file is damaged: use another copy of it "
+                f"({recording.damage.text()}, and no log is in what is left)"
+            )
         other = "give a recording of a voyage (`shadow simulate --log` writes one)"
         if any("hil" in entries for entries in recording.metadata.values()):
             other = (
@@ -87,9 +92,15 @@ def _blueos_log(recording: Recording) -> Log:
 
 
 def _statistics(recording: Recording, frames: Frames) -> Statistics:
-    """What was found in the frames, and that the file was not finished."""
-    notes = frames.statistics.notes
-    if not recording.finished:
+    """What was found in the frames, and that the file was not finished or is damaged."""
+    notes, damage = frames.statistics.notes, recording.damage
+    if damage:
+        end = "" if recording.finished else ", and the recording was not finished"
+        notes += (
+            f"{damage.text()}{end}: `shadow repair` writes what can be read anew and keeps this "
+            "file beside it",
+        )
+    elif not recording.finished:
         notes += ("the recording was not finished: `shadow repair` makes it whole",)
     return replace(
         frames.statistics,

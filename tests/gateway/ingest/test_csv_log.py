@@ -118,6 +118,21 @@ def test_semicolons_and_a_byte_order_mark(tmp_path: Path) -> None:
     assert len(open_log(path).time_s) == 3
 
 
+def test_comments_before_the_header_are_passed_over(tmp_path: Path) -> None:
+    path = write(tmp_path, '# made by a "logger, 1.2\n\n' + TABLE)
+    assert len(open_log(path).time_s) == 3
+    path = write(tmp_path, "# made by logger 1.2\n" + TABLE.replace("1600", "full"))
+    with pytest.raises(BadInput, match="line 4, left: 'full' is no number"):
+        open_log(path)
+
+
+@pytest.mark.parametrize("ends", ["\r", "\r\n"])
+def test_lines_may_end_as_those_of_other_systems(tmp_path: Path, ends: str) -> None:
+    path = write(tmp_path)
+    path.write_bytes(TABLE.replace("\n", ends).encode())
+    assert len(open_log(path).time_s) == 3
+
+
 def test_a_table_in_another_encoding_says_where_and_what_to_do(tmp_path: Path) -> None:
     path = write(tmp_path)
     path.write_bytes(
@@ -165,7 +180,8 @@ def test_mistakes_in_the_mapping_are_told(
         (
             TABLE.replace(",", ";").replace("1600", "1600,5"),
             "'1600,5' is no number; decimal commas "
-            r"have to become points: tr , \. < run.csv > points.csv",
+            r"have to become points: tr , \. < /.*/run.csv > points.csv, then read points.csv "
+            r"with --mapping /.*/mapping.toml",
         ),
         (TABLE.replace("1600", '"1600,5"'), "'1600,5' is no number; .* become points$"),
         ("", "empty"),
@@ -260,16 +276,32 @@ def test_a_cell_of_absurd_size_is_an_empty_one_and_told(tmp_path: Path, column: 
 
 
 @pytest.mark.parametrize(
-    ("unit", "says"),
+    ("step_s", "unit", "says"),
     [
-        ("s", "rows are 100 s apart: is 's' the unit of time? They would be 0.1 s in 'ms'"),
-        ("us", "rows are 0.0001 s apart: is 'us' the unit of time? They would be 0.1 s in 'ms'"),
+        (8.0, "s", "rows are 8 s apart: is 's' the unit of time? They would be 0.008 s in 'ms'"),
+        (
+            1e-4,
+            "us",
+            "rows are 0.0001 s apart: is 'us' the unit of time? They would be 0.1 s in 'ms'",
+        ),
     ],
 )
-def test_a_wrong_unit_of_time_is_asked_for(tmp_path: Path, unit: str, says: str) -> None:
-    table = calm_rows(5, "500,90,63.4,10.3,2,1500")
+def test_a_wrong_unit_of_time_is_asked_for(
+    tmp_path: Path, step_s: float, unit: str, says: str
+) -> None:
+    factor = {"s": 1.0, "us": 1e6}[unit]
+    rows = "".join(f"{k * step_s * factor},90,63.4,10.3,2,1500\n" for k in range(20))
+    table = "t,heading,lat,lon,speed,left\n" + rows
     log = open_log(write(tmp_path, table, MAPPING.replace('"ms"', f'"{unit}"')))
     assert log.statistics.notes == (says,)
+
+
+def test_rows_that_are_further_apart_than_any_telemetry_are_refused(tmp_path: Path) -> None:
+    """Work goes by the time that a table spans: a small one took minutes and gigabytes."""
+    table = calm_rows(5, "500,90,63.4,10.3,2,1500")
+    says = r"rows are 100 s apart, which no telemetry.* unit of column 't'\? .* 0\.1 s in 'ms'"
+    with pytest.raises(BadInput, match=says):
+        open_log(write(tmp_path, table, MAPPING.replace('"ms"', '"s"')))
 
 
 def test_times_beyond_all_dates_are_of_another_unit(tmp_path: Path) -> None:

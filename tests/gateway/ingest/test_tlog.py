@@ -244,6 +244,22 @@ def test_a_late_frame_is_late_and_not_lost() -> None:
     assert found.notes == ("1 frame came after a later one of its source",)
 
 
+def test_numbers_that_never_change_tell_of_nothing() -> None:
+    """Of a writer that packs each frame anew; another source beside it counts as ever."""
+    one, other = packer(1), packer(2)
+    sent = []
+    for k in range(20):
+        one.seq = 0
+        frame = heartbeat(other)
+        sent += [heartbeat(one, 3 + k % 2), *([] if k == 8 else [frame])]
+    found = tlog_from_bytes(tlog(*sent)).statistics
+    assert (found.lost, found.duplicates) == (1, 0)
+    assert found.notes == (
+        "20 frames of sources whose sequence numbers never change: whether any were lost or late "
+        "is not known",
+    )
+
+
 @pytest.mark.parametrize(("back", "lost"), [(31, 0), (32, 224)])
 def test_a_frame_32_numbers_back_is_no_late_one(back: int, lost: int) -> None:
     """Numbers run modulo 256: what is not late is ahead, over a loss of all between."""

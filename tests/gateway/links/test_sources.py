@@ -6,7 +6,7 @@ import pytest
 
 from gateway.errors import BadInput
 from gateway.links import Endpoint, Waker, link
-from gateway.links.link import SOURCES, LinkSource, transport_of
+from gateway.links.link import ALIASES, SOURCES, LinkSource, transport_of
 from gateway.links.transports import (
     AT_ONCE,
     DEFAULT_BAUD,
@@ -109,6 +109,12 @@ def test_the_docs_describe_every_kind():
     for source in SOURCES:
         form = "/dev/ttyUSB0,57600" if source.kind == "serial" else source.form
         assert f"| `{form}` | {source.description}" in text
+    assert all(f"`{alias}:HOST:PORT` is the same" in text for alias in ALIASES)
+
+
+def test_a_refusal_names_the_short_forms():
+    with pytest.raises(BadInput, match=r"; udp: is udpin:$"):
+        transport_of("http:a:1")
 
 
 def test_datagrams_that_wait_are_read_one_after_the_other_with_one_wait():

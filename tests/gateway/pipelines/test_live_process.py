@@ -21,7 +21,8 @@ from gateway.links.rate_requests import RADIO_HZ
 from gateway.links.transmitter import SET_RATE, Identity
 from gateway.live.boats import BoatPlan, Fleet
 from gateway.live.rerun import fleet_of, rerun
-from gateway.recording.reader import Recording, repair
+from gateway.recording.reader import Recording
+from gateway.recording.repair import repair
 from gateway.simulated_boat import Faults, Reboot, Silence
 from gateway.simulated_boat.play import playing
 from tests.conftest import ROOT

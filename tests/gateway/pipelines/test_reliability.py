@@ -21,7 +21,8 @@ import numpy as np
 import pytest
 import zenoh
 
-from gateway.recording.reader import Recording, repair
+from gateway.recording.reader import Recording
+from gateway.recording.repair import repair
 from gateway.simulated_boat import Faults, Reboot
 from gateway.simulated_boat.play import playing
 from tests.conftest import ROOT
