@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +75,15 @@ def numbers(column: NDArray[np.generic]) -> Floats:
     return np.asarray(column, np.float64)
 
 
+class ListedParameter(NamedTuple):
+    """One parameter as a message of the log told it; order and receipt as in `Table`."""
+
+    order: int
+    receive_time_ns: int
+    name: str
+    value: float
+
+
 @dataclass(frozen=True)
 class Table:
     """All messages of one name, as columns.
@@ -115,13 +124,19 @@ class Table:
             return []
         return [text(value) for value in self.columns[field][self.sent_by(boat)]]
 
-    def parameters(self, names: str, values: str, boat: Boat) -> dict[str, float]:
-        """Two columns of that boat's messages: name -> value, the last one where it was changed."""
+    def listed(self, names: str, values: str, boat: Boat) -> list["ListedParameter"]:
+        """Two columns of that boat's messages: each parameter as often as it was listed."""
         if not {names, values} <= set(self.columns):
-            return {}
-        found = numbers(self.columns[values])[self.sent_by(boat)]
-        pairs = zip(self.texts(names, boat), found, strict=True)
-        return {name: float(value) for name, value in pairs if name and np.isfinite(value)}
+            return []
+        own = self.sent_by(boat)
+        found = zip(
+            self.order[own].tolist(),
+            self.receive_time_ns[own].tolist(),
+            self.texts(names, boat),
+            numbers(self.columns[values])[own].tolist(),
+            strict=True,
+        )
+        return [ListedParameter(*row) for row in found if row[2] and np.isfinite(row[3])]
 
 
 @dataclass(frozen=True)
@@ -163,6 +178,17 @@ class BoatSamples:
         """All samples of a quantity, one per source."""
         return tuple(samples for samples in self.samples if samples.quantity == quantity)
 
+    def times_at(self, order: Ints) -> Ints | None:
+        """Places in the log (K,) -> the boat's clock [ns], on a line between messages whose time is
+        known; None where none is.
+        """
+        if not self.samples:
+            return None
+        known, first = np.unique(np.concatenate([s.order for s in self.samples]), return_index=True)
+        time = np.concatenate([s.vehicle_time_ns for s in self.samples])[first]
+        since = np.interp(order, known, (time - time[0]).astype(np.float64))
+        return np.asarray(np.rint(since), np.int64) + time[0]
+
     def equivalent(self, message: str) -> str:
         """The known message that a message of this log equals; itself where there is none."""
         sources = (s for s in self.samples if s.source.partition("/")[0] == message)
@@ -196,9 +222,13 @@ class Log(ABC):
     def decode(self, boat: Boat) -> BoatSamples:
         """All samples of one boat."""
 
+    def listed_parameters(self, boat: Boat) -> list[ListedParameter]:
+        """The autopilot's parameters in the order in which the log lists them, again and again."""
+        return []
+
     def parameters(self, boat: Boat) -> dict[str, float]:
         """The autopilot's parameters: name -> last value."""
-        return {}
+        return {one.name: one.value for one in self.listed_parameters(boat)}
 
     def firmware(self, boat: Boat) -> str:
         """Name and version of the autopilot's software; empty where the log has none."""

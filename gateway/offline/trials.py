@@ -16,9 +16,10 @@ from gateway.estimation import SOURCES, FilterSettings
 from gateway.estimation.events import Events
 from gateway.estimation.smoother import SmoothedMotion
 from gateway.ingest.agreement import reconciled
-from gateway.ingest.log import Log, choose_floating
+from gateway.ingest.log import BoatSamples, Log, choose_floating
 from gateway.ingest.mapping import Origin, actuators, moment_of
 from gateway.ingest.open import check_each_once, open_log
+from gateway.ingest.parameter_changes import first_parameters, outputs_changes
 from gateway.ingest.sources import Choice, choose
 from gateway.ingest.table_repair import repair_table, settings_for
 from gateway.offline import usable_time
@@ -34,7 +35,7 @@ from gateway.shadow import (
     seconds,
 )
 from sim.state import Floats, Progress
-from sim.trial import Trial
+from sim.trial import OutputsSet, Trial
 from sim.vessel import Servo
 
 SPLIT_S = 30.0  # a longer silence of heading or velocity ends a trial; chosen, not measured
@@ -193,6 +194,7 @@ def source_of(log: Log, options: TrialOptions) -> "TrialSource":
         without_deviation(motion_events(choices, origin, settings, epoch_ns), deviation),
         held_inputs(decoded, choices, epoch_ns),
         parameters,
+        outputs_set(log, decoded, epoch_ns),
         settings,
         (*table.notices, *([] if decoded.tabular else told_too_seldom(choices))),
         contradictions,
@@ -211,6 +213,21 @@ def told_too_seldom(choices: Mapping[str, Choice]) -> list[str]:
         f"outputs are told at {hz:.2g} Hz: what the motors did between is not known, and errors "
         f"that look like an effect may be that ({ENOUGH_HZ:g} Hz are enough)"
     ]
+
+
+def outputs_set(log: Log, decoded: BoatSamples, epoch_ns: int) -> tuple[OutputsSet, ...]:
+    """How outputs are set [s after `epoch_ns`]: at first, then where that changes inside a log."""
+    first = OutputsSet(-np.inf, "", outputs_of(first_parameters(log, decoded.boat)))
+    found = outputs_changes(log, decoded.boat)
+    times = decoded.times_at(np.array([one.change.order for one in found], np.int64))
+    later = seconds(times, epoch_ns).tolist() if times is not None else ()
+    return (
+        first,
+        *(
+            OutputsSet(time, str(one.change), outputs_of(one.parameters))
+            for time, one in zip(later, found, strict=bool(later))
+        ),
+    )
 
 
 def outputs_of(parameters: Mapping[str, float]) -> tuple[Servo, ...]:
@@ -246,6 +263,7 @@ class TrialSource:
     events: Events
     held: HeldInputs
     parameters: Mapping[str, float]
+    outputs_set: tuple[OutputsSet, ...]
     settings: FilterSettings
     notices: tuple[str, ...]
     contradictions: tuple[str, ...] = ()
@@ -313,7 +331,12 @@ class TrialSource:
             excluded=usable_time.excluded_stretches(grid - start, dt, reasons),
             start_time_ns=self.epoch_ns + round(start * 1e9),
             origin_deg=self.origin,
-            outputs=outputs_of(self.parameters),
+            outputs=next(s.outputs for s in reversed(self.outputs_set) if s.start <= start),
+            outputs_set=tuple(
+                replace(one, start=one.start - start)
+                for one in self.outputs_set
+                if start < one.start < end
+            ),
             sources={name: choice.source for name, choice in self.choices.items()},
             rates_hz={name: choice.rate_hz for name, choice in self.choices.items()},
             notices=(*self.contradictions, *self.notices),

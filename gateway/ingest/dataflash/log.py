@@ -29,6 +29,7 @@ from gateway.ingest.dataflash.records import (
 from gateway.ingest.log import (
     Boat,
     BoatSamples,
+    ListedParameter,
     Log,
     Statistics,
     Table,
@@ -193,9 +194,9 @@ class DataflashLog(Log):
         )
         return replace(decoded, samples=samples)
 
-    def parameters(self, boat: Boat) -> dict[str, float]:
-        """PARM: name -> last value."""
-        return self.table("PARM").parameters("Name", "Value", boat)
+    def listed_parameters(self, boat: Boat) -> list[ListedParameter]:
+        """All PARM, also of values told before."""
+        return self.table("PARM").listed("Name", "Value", boat)
 
     def firmware(self, boat: Boat) -> str:
         """Banner among the texts of MSG."""

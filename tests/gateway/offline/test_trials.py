@@ -44,6 +44,7 @@ from tests.gateway.ingest.scripted import (
     servo,
     vfr_hud,
 )
+from tests.gateway.ingest.test_parameters import parameter
 from tests.sim.voyages import WAM_V, simulated
 
 SPEED, RATE = 1.5, 0.1  # m/s, rad/s
@@ -189,6 +190,21 @@ def test_what_an_ill_filter_reports_judges_no_model() -> None:
     assert (stretch.start, stretch.end) == pytest.approx((20.0, 30.0), abs=0.2)
     off, taken = (np.abs(t.nu[t.usable, Nu.U] - SPEED).max() for t in (trial, blind))
     assert off < 0.2 < 0.5 < taken
+
+
+def test_outputs_that_are_set_otherwise_midway_are_known_with_their_time() -> None:
+    script = Script()
+    names = ("FUNCTION", "MIN", "TRIM", "MAX", "REVERSED")
+    for name, value in zip(names, (73.0, 1100.0, 1500.0, 1900.0, 0.0), strict=True):
+        script.send(0.0, parameter(f"SERVO1_{name}", value))
+    circle(script, 100.0, 0.0, 20.0)
+    script.send(20.0, parameter("SERVO1_REVERSED", 1.0))
+    circle(script, 120.0, 20.0, 20.0)
+    trial = one(script)
+    assert [servo.reversed for servo in trial.outputs] == [False]
+    (later,) = trial.outputs_set
+    assert later.start == pytest.approx(20.0, abs=0.1)
+    assert [servo.reversed for servo in later.outputs] == [True]
 
 
 def test_a_heading_that_stays_frozen_judges_no_model() -> None:
