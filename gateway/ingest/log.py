@@ -6,7 +6,7 @@ Its tables become samples of one boat on the boat's clock, with a report on that
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, NamedTuple, TypeVar
@@ -158,13 +158,35 @@ class Statistics:
     notes: tuple[str, ...] = ()
 
 
+class LaneSwitch(NamedTuple):
+    """The autopilot's filter goes on with another one of its lanes, at two clocks [ns]."""
+
+    vehicle_time_ns: int
+    receive_time_ns: int
+    before: int
+    after: int
+
+    def __str__(self) -> str:
+        return f"the autopilot's EKF switches from lane {self.before} to lane {self.after}"
+
+
+def lanes_notice(switches: Sequence[LaneSwitch], start_ns: int) -> tuple[str, ...]:
+    """That the filter switched, with seconds of receipt after a start; nothing without that."""
+    if not switches:
+        return ()
+    more = f", the first of {len(switches)} times" if len(switches) > 1 else ""
+    at = (switches[0].receive_time_ns - start_ns) * 1e-9
+    return (f"{switches[0]} at {at:.0f} s of the log{more}: the lane in use is read, and time "
+            "around each switch is left out",)  # fmt: skip
+
+
 @dataclass(frozen=True)
 class BoatSamples:
     """All samples of one boat of a log, on the boat's clock.
 
     sessions  ((from, to), …)  vehicle time [ns] of the first and last message of each boot
     tabular   all sources lie on the rows of one table: values may be held or smoothed
-    notices   messages that could not be read, a sentence each
+    notices   messages that could not be read, and what else was odd, a sentence each
     """
 
     boat: Boat
@@ -173,6 +195,7 @@ class BoatSamples:
     sessions: tuple[tuple[int, int], ...]
     tabular: bool = False
     notices: tuple[str, ...] = ()
+    lane_switches: tuple[LaneSwitch, ...] = ()  # of the autopilot's filter
 
     def of(self, quantity: Quantity) -> tuple[Samples, ...]:
         """All samples of a quantity, one per source."""
@@ -237,6 +260,12 @@ class Log(ABC):
     def channel_names(self) -> Mapping[int, str]:
         """Actuator channel, from 1 -> its name, where the log names channels."""
         return {}
+
+
+def log_start_ns(log: Log) -> int:
+    """Receipt of the first message [ns]: seconds of a log count from there."""
+    receipts = [log.table(name).receive_time_ns for name in log.counts()]
+    return min((int(times.min()) for times in receipts if len(times)), default=0)
 
 
 NOT_FLOATING = (  # words of vehicle types that no model of a boat fits
@@ -308,12 +337,16 @@ class _RuleRows:
     message: SimpleNamespace
 
 
+Instances = Mapping[str, Callable[[Ints], Ints]]
+
+
 def decode_tables(
-    log: Log, boat: Boat, rules: Sequence[Rule], instances: Mapping[str, int] | None = None
+    log: Log, boat: Boat, rules: Sequence[Rule], instances: Instances | None = None
 ) -> BoatSamples:
     """All samples of one boat by the rules of its log's format.
 
-    `instances` gives for some instance columns the number that counts instead of the rule's own.
+    `instances` gives for some instance columns the number that counts instead of the rule's own, at
+    each place in the log (K,).
     """
     parts = [_rows(log.table(rule.message), rule, boat, instances or {}) for rule in rules]
     parts = [part for part in parts if len(part.order)]
@@ -331,10 +364,11 @@ def decode_tables(
     return BoatSamples(boat, tuple(samples), clock.report(), sessions, notices=tuple(notices))
 
 
-def _rows(table: Table, rule: Rule, boat: Boat, instances: Mapping[str, int]) -> _RuleRows:
+def _rows(table: Table, rule: Rule, boat: Boat, instances: Instances) -> _RuleRows:
     """The rows of this boat and of the instance that counts."""
     message = SimpleNamespace(**table.columns)
-    number = next((instances[n] for n in rule.instance if n in instances), rule.number)
+    chosen = next((instances[name] for name in rule.instance if name in instances), None)
+    number = np.full(len(table), rule.number) if chosen is None else chosen(table.order)
     mine = table.sent_by(boat) & (np.asarray(instance_of(message, rule, number)) == number)
     picked = SimpleNamespace(
         **{name: _as_live(column[mine]) for name, column in table.columns.items()}

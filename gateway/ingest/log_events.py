@@ -1,9 +1,9 @@
 """What happened in a log: a list in order (`shadow info --events`), and modes on the boat's clock.
 
 The list: arming and modes (of a ULog its `vehicle_status`, of a table its column `armed`), what the
-autopilot said (STATUSTEXT, MSG), changes of the parameters that say what its outputs are, and, in a
-recording of ours, the events of the shadow. Its times count from the first message of the log, by
-its receipt.
+autopilot said (STATUSTEXT, MSG), changes of the parameters that say what its outputs are, what its
+filter said of itself, and, in a recording of ours, the events of the shadow. Its times count from
+the first message of the log, by its receipt.
 
 On the boat's clock, a message stands between others whose time is known: its own is interpolated
 between theirs, by the order in which they were accepted. Modes are those of ArduPilot's Rover and
@@ -20,9 +20,10 @@ import numpy as np
 import orjson
 from pymavlink.dialects.v20 import ardupilotmega as definitions
 
-from gateway.ingest.log import UNREADABLE, Boat, Log, Table, text
+from gateway.ingest.log import UNREADABLE, Boat, Log, Table, log_start_ns, text
+from gateway.ingest.mapping import STATUS_CONFIRMED_S, EstimatorFault
 from gateway.ingest.mcap.log import recording_of
-from gateway.ingest.parameter_changes import log_start_ns, parameter_changes
+from gateway.ingest.parameter_changes import parameter_changes
 from gateway.ingest.sources import choose
 from sim.state import Ints
 
@@ -46,7 +47,7 @@ def log_events(log: Log, boat: Boat) -> list[LogEvent]:
     """Everything that happened to a boat or was said by it, in order of time."""
     found = [
         *_heartbeats(log, boat), *_flash_states(log), *_other_states(log, boat), *_said(log, boat),
-        *_parameters(log, boat), *_of_the_shadow(log),
+        *_parameters(log, boat), *_estimator(log, boat), *_of_the_shadow(log),
     ]  # fmt: skip
     first = log_start_ns(log)
     return [
@@ -142,6 +143,26 @@ def _parameters(log: Log, boat: Boat) -> Iterator[Row]:
     """Changes of the parameters that say what the outputs are."""
     for one in parameter_changes(log, boat):
         yield one.receive_time_ns, "autopilot", "notice", str(one)
+
+
+def _estimator(log: Log, boat: Boat) -> Iterator[Row]:
+    """What the autopilot's filter says of itself, for longer than one report, and its switches."""
+    decoded = log.decode(boat)
+    for switch in decoded.lane_switches:
+        yield switch.receive_time_ns, "autopilot", "warning", str(switch)
+    chosen = choose(decoded.samples).get("estimator")
+    if chosen is None:
+        return
+    at, faults = chosen.samples.receive_time_ns, chosen.samples.values[:, 0].astype(np.int64)
+    edges = np.flatnonzero(np.diff(faults > 0, prepend=False, append=False))
+    for start, stop in edges.reshape(-1, 2).tolist():
+        if (at[stop - 1] - at[start]) * 1e-9 < STATUS_CONFIRMED_S:
+            continue
+        told = EstimatorFault(int(np.bitwise_or.reduce(faults[start:stop])))
+        names = ", ".join(fault.name.lower() for fault in told if fault.name)
+        yield int(at[start]), "autopilot", "warning", f"the autopilot's EKF is unhealthy: {names}"
+        if stop < len(at):
+            yield int(at[stop]), "autopilot", "info", "the autopilot's EKF is healthy again"
 
 
 def _of_the_shadow(log: Log) -> Iterator[Row]:

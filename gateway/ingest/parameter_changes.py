@@ -13,7 +13,7 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from gateway.ingest.log import Boat, ListedParameter, Log
+from gateway.ingest.log import Boat, ListedParameter, Log, log_start_ns
 from gateway.ingest.mapping import Actuator, actuators
 
 DECIDES = re.compile(r"SERVO\d+_(FUNCTION|MIN|TRIM|MAX|REVERSED)|INS_GYRO_FILTER")
@@ -78,12 +78,6 @@ def _differ(before: list[Actuator], after: list[Actuator]) -> bool:
     kinds = [[(a.channel, a.function, a.reversed) for a in some] for some in (before, after)]
     limits = [[pulse for a in some for pulse in a.pwm] for some in (before, after)]
     return kinds[0] != kinds[1] or any(abs(a - b) > ALIKE_US for a, b in zip(*limits, strict=True))
-
-
-def log_start_ns(log: Log) -> int:
-    """Receipt of the first message [ns]: seconds of a log count from there."""
-    receipts = [log.table(name).receive_time_ns for name in log.counts()]
-    return min((int(times.min()) for times in receipts if len(times)), default=0)
 
 
 def outputs_notice(log: Log, boat: Boat) -> tuple[str, ...]:

@@ -83,7 +83,9 @@ PRIORITY: Mapping[str, Candidates] = {
     ),
     "armed": _candidates(Quantity.ARMED, "HEARTBEAT", "ARM", "EV", "CSV"),
     "fix": _candidates(Quantity.FIX, "GPS_RAW_INT", "GPS"),
-    "estimator": _candidates(Quantity.ESTIMATOR, "EKF_STATUS_REPORT", "ESTIMATOR_STATUS"),
+    "estimator": _candidates(
+        Quantity.ESTIMATOR, "EKF_STATUS_REPORT", "ESTIMATOR_STATUS", "XKF4", "NKF4"
+    ),
     "voltage": _candidates(
         Quantity.VOLTAGE, "SYS_STATUS", "BATTERY_STATUS", "BAT", "CURR", "CSV"
     ),

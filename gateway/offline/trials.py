@@ -195,6 +195,7 @@ def source_of(log: Log, options: TrialOptions) -> "TrialSource":
         held_inputs(decoded, choices, epoch_ns),
         parameters,
         outputs_set(log, decoded, epoch_ns),
+        tuple((one.vehicle_time_ns - epoch_ns) * 1e-9 for one in decoded.lane_switches),
         settings,
         (*table.notices, *([] if decoded.tabular else told_too_seldom(choices))),
         contradictions,
@@ -264,6 +265,7 @@ class TrialSource:
     held: HeldInputs
     parameters: Mapping[str, float]
     outputs_set: tuple[OutputsSet, ...]
+    lane_switches: tuple[float, ...]  # of the autopilot's filter
     settings: FilterSettings
     notices: tuple[str, ...]
     contradictions: tuple[str, ...] = ()
@@ -367,6 +369,7 @@ class TrialSource:
             usable_time.DISARMED: disarmed,
             usable_time.NO_FIX: usable_time.no_fix(self.held, grid),
             usable_time.EKF_ILL: usable_time.ekf_ill(self.held, grid),
+            usable_time.LANE_SWITCH: usable_time.around(self.lane_switches, grid),
             usable_time.GAP: gap,
             usable_time.NO_COMMANDS: silent if "commands" in self.choices else nowhere,
             usable_time.IDLE: usable_time.idle(grid, motion.nu, thrust),
