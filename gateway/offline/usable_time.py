@@ -84,8 +84,15 @@ def disarmed(held: HeldInputs, time: Floats) -> Bools:
 
 
 def no_fix(held: HeldInputs, time: Floats) -> Bools:
-    """Where the receiver reports that it has no 3-D fix: (T,) s -> (T,)."""
-    return np.asarray(held.fix.at(time)[:, 0] < FIX_3D)
+    """Where no receiver has a 3-D fix: (T,) s -> (T,).
+
+    By the rule of the live checks: an EKF that tells of itself and never had a fix goes without (by
+    motion capture, a DVL), and says itself when that fails.
+    """
+    fixes = held.fix.time[held.fix.values[:, 0] >= FIX_3D]
+    had = time >= (fixes.min() if len(fixes) else np.inf)
+    unknown = ~np.isfinite(held.estimator.at(time)[:, 0])
+    return np.asarray((held.fix.at(time)[:, 0] < FIX_3D) & (had | unknown))
 
 
 def ekf_ill(held: HeldInputs, time: Floats) -> Bools:

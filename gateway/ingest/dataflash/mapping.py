@@ -65,6 +65,11 @@ def gps(m: Any) -> Facts:
     )
 
 
+def gps_fix(m: Any) -> Facts:
+    """GPS, GPS2 of the second receiver -> fix."""
+    return ((Quantity.FIX, (m.Status,)),)
+
+
 def bat(m: Any) -> Facts:
     """BAT, CURR -> battery voltage; until 2016 a whole number of centivolts."""
     unit = 0.01 if np.asarray(m.Volt).dtype.kind in "iu" else 1.0
@@ -115,6 +120,8 @@ RULES: tuple[Rule, ...] = (
     _rule("ATT", att),
     _rule("IMU", as_given(IMU), "I"),
     _rule("GPS", gps, "I"),
+    _rule("GPS", gps_fix, "I", number=1, source="GPS/1", equivalent="GPS2_RAW"),
+    _rule("GPS2", gps_fix, equivalent="GPS2_RAW"),  # until 2020
     _rule("BAT", bat, "Inst", "Instance", "I"),
     _rule("CURR", bat, "Inst", "Instance", "I"),
     _rule("ARM", arm, on_change=True),

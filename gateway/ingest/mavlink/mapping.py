@@ -74,7 +74,7 @@ def global_position_int(m: Any) -> Facts:
 
 
 def gps_fix(m: Any) -> Facts:
-    """GPS_RAW_INT -> fix."""
+    """GPS_RAW_INT, GPS2_RAW -> fix."""
     return ((Quantity.FIX, (m.fix_type,)),)
 
 
@@ -211,6 +211,7 @@ RULES: tuple[Rule, ...] = (
     Rule(
         "GPS_RAW_INT", gps_fix, Counter.RECEIPT, source="GPS_RAW_INT fix", equivalent="GPS_RAW_INT"
     ),
+    Rule("GPS2_RAW", gps_fix, Counter.RECEIPT, source="GPS2_RAW fix", equivalent="GPS2_RAW"),
     Rule("VFR_HUD", vfr_hud, Counter.RECEIPT),
     Rule("ODOMETRY", odometry, Counter.BOOT_US),
     Rule("GPS_GLOBAL_ORIGIN", gps_global_origin, Counter.RECEIPT),

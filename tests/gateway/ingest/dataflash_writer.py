@@ -89,6 +89,7 @@ def voyage_log(
     without: Collection[str] = (),
     vessel: Vessel = WAMV,
     fix: bool = True,
+    second_fix: bool = False,
     lanes: "Lanes | None" = None,
 ) -> bytes:
     """The log of a voyage in the formats of that year; some messages may be left out of it."""
@@ -115,6 +116,8 @@ def voyage_log(
     write("EV", 100.0, Id=10)
     for t, row, pulses in _moving(seconds, vessel):
         _moment(write, 100.0 + t, row, pulses, fix, round(t * 20) % 4 == 0, lanes is None)
+        if second_fix:
+            write("GPS", 100.0 + t, I=1, Status=3)
         if lanes:
             _two_lanes(write, t, row, lanes)
     return b"".join(out)

@@ -154,3 +154,10 @@ def test_a_lane_that_says_it_is_ill_judges_no_model(tmp_path: Path) -> None:
         "the autopilot's EKF is unhealthy: velocity, position, rejects",
         "the autopilot's EKF is healthy again",
     ]
+
+
+def test_the_fix_of_the_second_receiver_counts(tmp_path: Path) -> None:
+    log = open_log(written(tmp_path, voyage_log(2025, 20.0, fix=False, second_fix=True)))
+    fix = choose(log.decode(choose_boat(log)).samples)["fix"].samples.values[:, 0]
+    assert fix[1:].min() == 3.0
+    assert load_trials(log.path)[0].usable.any()

@@ -39,6 +39,7 @@ from tests.gateway.ingest.scripted import (
     attitude,
     ekf_status,
     gps,
+    gps2,
     heartbeat,
     local_position,
     servo,
@@ -168,6 +169,32 @@ def test_without_a_fix_nothing_is_usable() -> None:
         circle(script, 100.0 + start, start, 20.0)
     stretches = [s for s in one(script).excluded if s.why == usable_time.NO_FIX]
     assert [(s.start, s.end) for s in stretches] == [pytest.approx((0.0, 20.0), abs=0.2)]
+
+
+def test_a_fix_of_the_second_receiver_is_one() -> None:
+    script = Script()
+    script.send(0.0, gps(100.0, 0))
+    script.send(0.0, gps2(100.0, 3))
+    circle(script, 100.0, 0.0, 20.0)
+    script.send(20.0, gps2(120.0, 1))
+    circle(script, 120.0, 20.0, 20.0)
+    stretches = [s for s in one(script).excluded if s.why == usable_time.NO_FIX]
+    assert [(s.start, s.end) for s in stretches] == [pytest.approx((20.0, 40.0), abs=0.2)]
+
+
+@pytest.mark.parametrize(("fix_then", "left_out"), [(1, []), (3, [(40.0, 60.0)])])
+def test_an_ekf_that_never_had_a_fix_does_without(
+    fix_then: int, left_out: list[tuple[float, float]]
+) -> None:
+    """By motion capture or a DVL; as live, where only a fix that was lost is missed."""
+    script = Script()
+    for start, fix in ((0.0, 1), (20.0, fix_then), (40.0, 1)):
+        script.send(start, ekf_status())
+        script.send(start, gps(100.0 + start, fix))
+        circle(script, 100.0 + start, start, 20.0)
+    stretches = [s for s in one(script).excluded if s.why == usable_time.NO_FIX]
+    found = [(s.start, s.end) for s in stretches]
+    assert found == [pytest.approx(span, abs=0.2) for span in left_out]
 
 
 def test_what_an_ill_filter_reports_judges_no_model() -> None:
