@@ -37,6 +37,19 @@ class Stretch:
 
 
 @dataclass(frozen=True)
+class OutputsSet:
+    """The autopilot's outputs, set otherwise from a time on [s after the first sample].
+
+    text     the parameter that changes then
+    outputs  all that move the boat from then on
+    """
+
+    start: float
+    text: str
+    outputs: tuple[Servo, ...]
+
+
+@dataclass(frozen=True)
 class Trial:
     """Smoothed motion, its covariance and the commands on the grid `time`.
 
@@ -70,7 +83,8 @@ class Trial:
     excluded: tuple[Stretch, ...] = ()
     start_time_ns: int = 0
     origin_deg: tuple[float, float] | None = None
-    outputs: tuple[Servo, ...] = ()  # that move the boat, as the autopilot's parameters have them
+    outputs: tuple[Servo, ...] = ()  # that move the boat, by the autopilot's parameters at first
+    outputs_set: tuple[OutputsSet, ...] = ()  # where those parameters change, in order of time
     sources: Mapping[str, str] = field(default_factory=dict)
     rates_hz: Mapping[str, float] = field(default_factory=dict)
     notices: tuple[str, ...] = ()  # what was wrong with the recording, one sentence each

@@ -83,12 +83,14 @@ def trust(
         list[Path],
         typer.Argument(metavar="FILE", help="A Python file with effects, or a vessel file's all."),
     ],
+    json: AsJson = False,
 ) -> None:
     """Let an effect of your own run where a vessel file names it, as long as nobody edits it."""
     from gateway.user_effects import effect_file_beside
     from gateway.user_effects import trust as work
     from gateway.vessel_file import read_vessel_file
 
+    trusted, empty = list[dict[str, object]](), list[str]()
     for file in files:
         if file.suffix.lower() != ".toml":
             named = [file]
@@ -96,7 +98,13 @@ def trust(
             entries = read_vessel_file(file).effects
             named = [effect_file_beside(file, e["file"]) for e in entries if "file" in e]
         for one in named:
-            names = ", ".join(effect.name for effect in work(one))
-            print(printable(f"{one}: trusted as it is now: {names}"))
+            names = [effect.name for effect in work(one)]
+            trusted.append({"file": str(one), "effects": names})
+            if not json:
+                print(printable(f"{one}: trusted as it is now: {', '.join(names)}"))
         if not named:
-            print(printable(f"{file}: names no effects of one's own: there is nothing to trust"))
+            empty.append(str(file))
+            if not json:
+                text = f"{file}: names no effects of one's own: there is nothing to trust"
+                print(printable(text))
+    print_result(json, lambda: {"trusted": trusted, "without_effects": empty}, lambda: None)

@@ -247,6 +247,7 @@ def hil(
     publish: Annotated[
         str, typer.Option(metavar="[zenoh|off]", help="The truth, beside `shadow live`'s shadow.")
     ] = "zenoh",
+    json: AsJson = False,
 ) -> None:
     """The autopilot in the loop: real firmware steers the vessel, as if it were the boat.
 
@@ -276,7 +277,8 @@ def hil(
     if script is not None:
         day, text = load_day(script, own)
         options = replace(options, day=day, day_text=text)
-    run_until_stopped(plans, options, print_progress)
+    loops = run_until_stopped(plans, options, print_progress)
+    print_result(json, lambda: {"boats": [loop.to_dict() for loop in loops]}, lambda: None)
 
 
 def hil_demo(

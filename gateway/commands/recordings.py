@@ -101,20 +101,22 @@ def init(
     """A first vessel file from the log's own parameters (SERVOn_FUNCTION, MIN, TRIM, MAX)."""
     from gateway.ingest.open import open_log
     from gateway.offline.trials import why_unusable
-    from gateway.offline.vessel import init_vessel, initial_vessel_dict
+    from gateway.offline.vessel import init_vessel, initial_notices, initial_vessel_dict
     from gateway.terminal.next_step import after_init, log_words
     from gateway.terminal.recordings import show_initial_vessel
 
     given = _size(length, beam, mass, thrust, top_speed)
     with guarded_outputs("init", [log, mapping], [named_as(out, ".toml")], force):
         made = init_vessel(log, out, name, given, system, anyway, mapping)
+    opened = open_log(log, mapping)
+    notices = initial_notices(opened, system)
 
     def show() -> None:
         words = log_words(log, system, anyway, mapping)
-        unusable = why_unusable(open_log(log, mapping), system)
-        show_initial_vessel(made, out, after_init(out, words, unusable))
+        unusable = why_unusable(opened, system)
+        show_initial_vessel(made, out, after_init(out, words, unusable), notices)
 
-    print_result(json, lambda: initial_vessel_dict(made, out), show)
+    print_result(json, lambda: initial_vessel_dict(made, out, notices), show)
 
 
 def replay(

@@ -10,7 +10,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Thread
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -270,16 +270,44 @@ class BoatLoop:
         if kind is not LinkEventKind.LISTENING:
             self.notices.say(f"link {kind}", text)
 
+    @property
+    def pace(self) -> float:
+        """Times real time."""
+        return self.played.seconds / self.wall_s if self.wall_s > 0.0 else 0.0
+
+    @property
+    def latency_us(self) -> tuple[float, float] | None:
+        """Median and 99 % of the answers' delays; None where none was given."""
+        if not self.latencies:
+            return None
+        p50, p99 = (1e6 * np.percentile(self.latencies, (50, 99))).tolist()
+        return p50, p99
+
+    def to_dict(self) -> dict[str, Any]:
+        """What was played: one of `boats` in `shadow hil --json`."""
+        played, latency = self.played, self.latency_us
+        paths = [] if self.recording is None else self.recording.paths
+        return {
+            "name": self.plan.name,
+            "endpoint": self.plan.endpoint,
+            "seconds": played.seconds,
+            "frames": played.frames,
+            "pace": self.pace,
+            "restarts": played.restarts,
+            "latency_us": None if latency is None else {"p50": latency[0], "p99": latency[1]},
+            "counts": dict(played.counts),
+            "recordings": [str(path) for path in paths],
+        }
+
     def summary(self) -> str:
         """What was played, in one line."""
         played = self.played
         if not played.frames:
             return "no autopilot came"
-        pace = played.seconds / self.wall_s if self.wall_s > 0.0 else 0.0
-        text = f"{played.seconds:.0f} s in {played.frames} frames, {pace:.1f} × real time"
+        text = f"{played.seconds:.0f} s in {played.frames} frames, {self.pace:.1f} × real time"
         text += f", {played.restarts} restarts" if played.restarts else ""
-        if self.latencies:
-            p50, p99 = 1e6 * np.percentile(self.latencies, (50, 99))
+        if self.latency_us is not None:
+            p50, p99 = self.latency_us
             text += f", answers after {p50:.0f} µs (p99 {p99:.0f})"
         odd = ", ".join(f"{count} {kind}" for kind, count in sorted(played.counts.items()))
         return text + (f"; {odd}" if odd else "")

@@ -6,10 +6,10 @@ Its tables become samples of one boat on the boat's clock, with a report on that
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +75,15 @@ def numbers(column: NDArray[np.generic]) -> Floats:
     return np.asarray(column, np.float64)
 
 
+class ListedParameter(NamedTuple):
+    """One parameter as a message of the log told it; order and receipt as in `Table`."""
+
+    order: int
+    receive_time_ns: int
+    name: str
+    value: float
+
+
 @dataclass(frozen=True)
 class Table:
     """All messages of one name, as columns.
@@ -115,13 +124,19 @@ class Table:
             return []
         return [text(value) for value in self.columns[field][self.sent_by(boat)]]
 
-    def parameters(self, names: str, values: str, boat: Boat) -> dict[str, float]:
-        """Two columns of that boat's messages: name -> value, the last one where it was changed."""
+    def listed(self, names: str, values: str, boat: Boat) -> list["ListedParameter"]:
+        """Two columns of that boat's messages: each parameter as often as it was listed."""
         if not {names, values} <= set(self.columns):
-            return {}
-        found = numbers(self.columns[values])[self.sent_by(boat)]
-        pairs = zip(self.texts(names, boat), found, strict=True)
-        return {name: float(value) for name, value in pairs if name and np.isfinite(value)}
+            return []
+        own = self.sent_by(boat)
+        found = zip(
+            self.order[own].tolist(),
+            self.receive_time_ns[own].tolist(),
+            self.texts(names, boat),
+            numbers(self.columns[values])[own].tolist(),
+            strict=True,
+        )
+        return [ListedParameter(*row) for row in found if row[2] and np.isfinite(row[3])]
 
 
 @dataclass(frozen=True)
@@ -143,13 +158,35 @@ class Statistics:
     notes: tuple[str, ...] = ()
 
 
+class LaneSwitch(NamedTuple):
+    """The autopilot's filter goes on with another one of its lanes, at two clocks [ns]."""
+
+    vehicle_time_ns: int
+    receive_time_ns: int
+    before: int
+    after: int
+
+    def __str__(self) -> str:
+        return f"the autopilot's EKF switches from lane {self.before} to lane {self.after}"
+
+
+def lanes_notice(switches: Sequence[LaneSwitch], start_ns: int) -> tuple[str, ...]:
+    """That the filter switched, with seconds of receipt after a start; nothing without that."""
+    if not switches:
+        return ()
+    more = f", the first of {len(switches)} times" if len(switches) > 1 else ""
+    at = (switches[0].receive_time_ns - start_ns) * 1e-9
+    return (f"{switches[0]} at {at:.0f} s of the log{more}: the lane in use is read, and time "
+            "around each switch is left out",)  # fmt: skip
+
+
 @dataclass(frozen=True)
 class BoatSamples:
     """All samples of one boat of a log, on the boat's clock.
 
     sessions  ((from, to), …)  vehicle time [ns] of the first and last message of each boot
     tabular   all sources lie on the rows of one table: values may be held or smoothed
-    notices   messages that could not be read, a sentence each
+    notices   messages that could not be read, and what else was odd, a sentence each
     """
 
     boat: Boat
@@ -158,10 +195,22 @@ class BoatSamples:
     sessions: tuple[tuple[int, int], ...]
     tabular: bool = False
     notices: tuple[str, ...] = ()
+    lane_switches: tuple[LaneSwitch, ...] = ()  # of the autopilot's filter
 
     def of(self, quantity: Quantity) -> tuple[Samples, ...]:
         """All samples of a quantity, one per source."""
         return tuple(samples for samples in self.samples if samples.quantity == quantity)
+
+    def times_at(self, order: Ints) -> Ints | None:
+        """Places in the log (K,) -> the boat's clock [ns], on a line between messages whose time is
+        known; None where none is.
+        """
+        if not self.samples:
+            return None
+        known, first = np.unique(np.concatenate([s.order for s in self.samples]), return_index=True)
+        time = np.concatenate([s.vehicle_time_ns for s in self.samples])[first]
+        since = np.interp(order, known, (time - time[0]).astype(np.float64))
+        return np.asarray(np.rint(since), np.int64) + time[0]
 
     def equivalent(self, message: str) -> str:
         """The known message that a message of this log equals; itself where there is none."""
@@ -196,9 +245,13 @@ class Log(ABC):
     def decode(self, boat: Boat) -> BoatSamples:
         """All samples of one boat."""
 
+    def listed_parameters(self, boat: Boat) -> list[ListedParameter]:
+        """The autopilot's parameters in the order in which the log lists them, again and again."""
+        return []
+
     def parameters(self, boat: Boat) -> dict[str, float]:
         """The autopilot's parameters: name -> last value."""
-        return {}
+        return {one.name: one.value for one in self.listed_parameters(boat)}
 
     def firmware(self, boat: Boat) -> str:
         """Name and version of the autopilot's software; empty where the log has none."""
@@ -207,6 +260,12 @@ class Log(ABC):
     def channel_names(self) -> Mapping[int, str]:
         """Actuator channel, from 1 -> its name, where the log names channels."""
         return {}
+
+
+def log_start_ns(log: Log) -> int:
+    """Receipt of the first message [ns]: seconds of a log count from there."""
+    receipts = [log.table(name).receive_time_ns for name in log.counts()]
+    return min((int(times.min()) for times in receipts if len(times)), default=0)
 
 
 NOT_FLOATING = (  # words of vehicle types that no model of a boat fits
@@ -278,12 +337,16 @@ class _RuleRows:
     message: SimpleNamespace
 
 
+Instances = Mapping[str, Callable[[Ints], Ints]]
+
+
 def decode_tables(
-    log: Log, boat: Boat, rules: Sequence[Rule], instances: Mapping[str, int] | None = None
+    log: Log, boat: Boat, rules: Sequence[Rule], instances: Instances | None = None
 ) -> BoatSamples:
     """All samples of one boat by the rules of its log's format.
 
-    `instances` gives for some instance columns the number that counts instead of the rule's own.
+    `instances` gives for some instance columns the number that counts instead of the rule's own, at
+    each place in the log (K,).
     """
     parts = [_rows(log.table(rule.message), rule, boat, instances or {}) for rule in rules]
     parts = [part for part in parts if len(part.order)]
@@ -301,10 +364,11 @@ def decode_tables(
     return BoatSamples(boat, tuple(samples), clock.report(), sessions, notices=tuple(notices))
 
 
-def _rows(table: Table, rule: Rule, boat: Boat, instances: Mapping[str, int]) -> _RuleRows:
+def _rows(table: Table, rule: Rule, boat: Boat, instances: Instances) -> _RuleRows:
     """The rows of this boat and of the instance that counts."""
     message = SimpleNamespace(**table.columns)
-    number = next((instances[n] for n in rule.instance if n in instances), rule.number)
+    chosen = next((instances[name] for name in rule.instance if name in instances), None)
+    number = np.full(len(table), rule.number) if chosen is None else chosen(table.order)
     mine = table.sent_by(boat) & (np.asarray(instance_of(message, rule, number)) == number)
     picked = SimpleNamespace(
         **{name: _as_live(column[mine]) for name, column in table.columns.items()}

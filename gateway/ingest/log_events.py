@@ -1,8 +1,9 @@
 """What happened in a log: a list in order (`shadow info --events`), and modes on the boat's clock.
 
 The list: arming and modes (of a ULog its `vehicle_status`, of a table its column `armed`), what the
-autopilot said (STATUSTEXT, MSG), and, in a recording of ours, the events of the shadow. Its times
-count from the first message of the log, by its receipt.
+autopilot said (STATUSTEXT, MSG), changes of the parameters that say what its outputs are, what its
+filter said of itself, and, in a recording of ours, the events of the shadow. Its times count from
+the first message of the log, by its receipt.
 
 On the boat's clock, a message stands between others whose time is known: its own is interpolated
 between theirs, by the order in which they were accepted. Modes are those of ArduPilot's Rover and
@@ -19,8 +20,10 @@ import numpy as np
 import orjson
 from pymavlink.dialects.v20 import ardupilotmega as definitions
 
-from gateway.ingest.log import UNREADABLE, Boat, Log, Table, text
+from gateway.ingest.log import UNREADABLE, Boat, Log, Table, log_start_ns, text
+from gateway.ingest.mapping import STATUS_CONFIRMED_S, EstimatorFault
 from gateway.ingest.mcap.log import recording_of
+from gateway.ingest.parameter_changes import parameter_changes
 from gateway.ingest.sources import choose
 from sim.state import Ints
 
@@ -44,10 +47,9 @@ def log_events(log: Log, boat: Boat) -> list[LogEvent]:
     """Everything that happened to a boat or was said by it, in order of time."""
     found = [
         *_heartbeats(log, boat), *_flash_states(log), *_other_states(log, boat), *_said(log, boat),
-        *_of_the_shadow(log),
+        *_parameters(log, boat), *_estimator(log, boat), *_of_the_shadow(log),
     ]  # fmt: skip
-    starts = [log.table(name).receive_time_ns for name in log.counts()]
-    first = min((int(times.min()) for times in starts if len(times)), default=0)
+    first = log_start_ns(log)
     return [
         LogEvent((at - first) * 1e-9, by, severity, text)
         for at, by, severity, text in sorted(found, key=lambda row: row[0])
@@ -137,6 +139,32 @@ def _texts(table: Table, column: str) -> list[str]:
     return [v.decode("utf-8", "replace") if isinstance(v, bytes) else str(v) for v in values]
 
 
+def _parameters(log: Log, boat: Boat) -> Iterator[Row]:
+    """Changes of the parameters that say what the outputs are."""
+    for one in parameter_changes(log, boat):
+        yield one.receive_time_ns, "autopilot", "notice", str(one)
+
+
+def _estimator(log: Log, boat: Boat) -> Iterator[Row]:
+    """What the autopilot's filter says of itself, for longer than one report, and its switches."""
+    decoded = log.decode(boat)
+    for switch in decoded.lane_switches:
+        yield switch.receive_time_ns, "autopilot", "warning", str(switch)
+    chosen = choose(decoded.samples).get("estimator")
+    if chosen is None:
+        return
+    at, faults = chosen.samples.receive_time_ns, chosen.samples.values[:, 0].astype(np.int64)
+    edges = np.flatnonzero(np.diff(faults > 0, prepend=False, append=False))
+    for start, stop in edges.reshape(-1, 2).tolist():
+        if (at[stop - 1] - at[start]) * 1e-9 < STATUS_CONFIRMED_S:
+            continue
+        told = EstimatorFault(int(np.bitwise_or.reduce(faults[start:stop])))
+        names = ", ".join(fault.name.lower() for fault in told if fault.name)
+        yield int(at[start]), "autopilot", "warning", f"the autopilot's EKF is unhealthy: {names}"
+        if stop < len(at):
+            yield int(at[stop]), "autopilot", "info", "the autopilot's EKF is healthy again"
+
+
 def _of_the_shadow(log: Log) -> Iterator[Row]:
     """Events that a gateway recorded."""
     recording = recording_of(log)
@@ -184,17 +212,11 @@ class Happenings(NamedTuple):
 
 def on_boat_clock(log: Log, boat: Boat) -> Callable[[Table], Ints]:
     """A function: table of the log -> times (K,) of its messages on the boat's clock [ns]."""
-    known = log.decode(boat).samples
-    order = np.concatenate([one.order for one in known] or [np.zeros(0, np.int64)])
-    time = np.concatenate([one.vehicle_time_ns for one in known] or [np.zeros(0, np.int64)])
-    order, first = np.unique(order, return_index=True)
-    time = time[first]
+    decoded = log.decode(boat)
 
     def times(table: Table) -> Ints:
-        if not len(order):
-            return np.asarray(table.receive_time_ns, np.int64)
-        since = np.interp(table.order, order, (time - time[0]).astype(np.float64))
-        return np.asarray(np.rint(since), np.int64) + time[0]
+        known = decoded.times_at(table.order)
+        return np.asarray(table.receive_time_ns, np.int64) if known is None else known
 
     return times
 

@@ -46,6 +46,9 @@ def moment_of(unix_s: float) -> datetime | None:
     return datetime.fromtimestamp(unix_s, UTC) if unix_s * 1e6 >= UNIX_FROM_US else None
 
 
+STATUS_CONFIRMED_S = 1.2  # of fix and EKF: longer than one damaged report a second lasts
+
+
 class EstimatorFault(IntFlag):
     """What an autopilot's filter says is wrong with it."""
 
@@ -54,6 +57,29 @@ class EstimatorFault(IntFlag):
     POSITION = 4  # none, or it is held constant
     GLITCH = 8  # of the GNSS receiver
     REJECTS = 16  # innovations at or near the gate: the estimate and a sensor disagree
+
+
+STATUS_ATTITUDE, STATUS_VELOCITY, STATUS_POSITION = 1, 2, 8 | 16  # relative or absolute position
+STATUS_CONSTANT_POSITION = 128
+EKF_GATE = 0.8  # square root of the test ratio: ArduPilot's own failsafe (FS_EKF_THRESH)
+
+
+def estimator_faults(flags: Any, glitch: int, ratios: tuple[Any, ...]) -> Any:
+    """Solution status of an autopilot's filter, square roots of its test ratios -> its faults.
+
+    The low bits are alike in EKF_STATUS_REPORT, ESTIMATOR_STATUS and XKF4; `glitch` is not.
+    """
+    bits = np.asarray(flags, np.int64)
+    constant = (bits & STATUS_CONSTANT_POSITION) != 0
+    rejects = np.max(np.asarray(np.broadcast_arrays(*ratios), np.float64), axis=0) >= EKF_GATE
+    wrong = (
+        ((bits & STATUS_ATTITUDE) == 0) * int(EstimatorFault.ATTITUDE)
+        + ((bits & STATUS_VELOCITY) == 0) * int(EstimatorFault.VELOCITY)
+        + (((bits & STATUS_POSITION) == 0) | constant) * int(EstimatorFault.POSITION)
+        + ((bits & glitch) != 0) * int(EstimatorFault.GLITCH)
+        + rejects * int(EstimatorFault.REJECTS)
+    )
+    return np.asarray(wrong, np.float64)
 
 
 class Counter(IntEnum):
@@ -98,7 +124,7 @@ class Rule:
         object.__setattr__(self, "equivalent", self.equivalent or self.source)
 
 
-def instance_of(message: Any, rule: Rule, unnamed: int) -> Column:
+def instance_of(message: Any, rule: Rule, unnamed: Column) -> Column:
     """Instance number of a message (or of each row); `unnamed` where it carries none."""
     for name in rule.instance:
         if hasattr(message, name):

@@ -27,7 +27,7 @@ Source: Fossen 2021, §14.4 (what an accelerometer measures).
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -82,8 +82,10 @@ PRIORITY: Mapping[str, Candidates] = {
         Quantity.ACTUATORS, "SERVO_OUTPUT_RAW", "ACTUATOR_OUTPUT_STATUS", "RCOU", "CSV"
     ),
     "armed": _candidates(Quantity.ARMED, "HEARTBEAT", "ARM", "EV", "CSV"),
-    "fix": _candidates(Quantity.FIX, "GPS_RAW_INT", "GPS"),
-    "estimator": _candidates(Quantity.ESTIMATOR, "EKF_STATUS_REPORT", "ESTIMATOR_STATUS"),
+    "fix": _candidates(Quantity.FIX, "GPS_RAW_INT", "GPS", "GPS2_RAW"),
+    "estimator": _candidates(
+        Quantity.ESTIMATOR, "EKF_STATUS_REPORT", "ESTIMATOR_STATUS", "XKF4", "NKF4"
+    ),
     "voltage": _candidates(
         Quantity.VOLTAGE, "SYS_STATUS", "BATTERY_STATUS", "BAT", "CURR", "CSV"
     ),
@@ -120,7 +122,35 @@ def choose(samples: Sequence[Samples]) -> Mapping[str, Choice]:
         present = [by_source[key] for key in candidates if key in by_source]
         if present:
             chosen[name] = _choice(name, present)
+    if "fix" in chosen:
+        receivers = [part for part in samples if part.quantity is Quantity.FIX and len(part)]
+        chosen["fix"] = replace(chosen["fix"], samples=best_fix(chosen["fix"].samples, receivers))
     return chosen
+
+
+def best_fix(chosen: Samples, receivers: Sequence[Samples]) -> Samples:
+    """The best fix of all receivers of a boat, at each message of any, under the name of one: her
+    filter takes the position from whichever has it.
+    """
+    if len(receivers) < 2:
+        return chosen
+    order = np.concatenate([part.order for part in receivers])
+    rows = np.argsort(order, kind="stable")
+    order = order[rows]
+    best = np.full(len(order), -np.inf)
+    for part in receivers:
+        known = np.argsort(part.order, kind="stable")
+        last = np.searchsorted(part.order[known], order, side="right") - 1
+        fix = part.values[known, 0][np.maximum(last, 0)]
+        best = np.maximum(best, np.where(last >= 0, fix, -np.inf))
+    vehicle, receive = (
+        np.concatenate([getattr(part, name) for part in receivers])[rows]
+        for name in ("vehicle_time_ns", "receive_time_ns")
+    )
+    return replace(
+        chosen, order=order, vehicle_time_ns=vehicle, receive_time_ns=receive,
+        values=best[:, None],
+    )  # fmt: skip
 
 
 def rate_hz(samples: Samples) -> float:

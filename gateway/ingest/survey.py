@@ -18,6 +18,7 @@ from gateway.ingest.agreement import reconciled
 from gateway.ingest.clock import SLEEP, ClockReport
 from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, boats_of, choose_boat, not_a_boat
 from gateway.ingest.mapping import Actuator, OutputFunction, actuators
+from gateway.ingest.parameter_changes import outputs_notice
 from gateway.ingest.sources import PRIORITY, Choice, choose, uniform_grid
 from gateway.ingest.table_repair import repair_table
 from gateway.samples import Quantity, Samples
@@ -291,6 +292,7 @@ def _boat(log: Log, boat: Boat) -> BoatSurvey:
         _limits(boat, choices, _ever_armed(choices)),
         (
             *swap_notices(log, choices, outputs),
+            *outputs_notice(log, boat),
             *reconciled(repaired.choices).contradictions,
             *repaired.notices,
         ),

@@ -70,6 +70,7 @@ class LinkEventKind(StrEnum):
     HEARD = "heard"  # the first frame of a system
     LOST = "lost"
     REFUSED = "refused"  # frames were not taken: signature missing, wrong or old
+    SENDER_CHANGED = "sender_changed"  # one system id comes from another address than before
     SHARED_ID = "shared_id"  # one system id comes from two addresses
     FAULT = "fault"  # a defect of this program: the datagram is lost, the link goes on
 

@@ -46,6 +46,7 @@ class SenderChange(Enum):
 
     NONE = auto()
     FIRST = auto()  # the first frame under this system id
+    CHANGED = auto()  # another address holds this id from now on: the one before was silent
     APART = auto()  # another address holds this id: the frame is not for use
     SHARED = auto()  # two addresses use this id: reported once, with a frame of its holder
 
@@ -80,17 +81,21 @@ class Peers:
         """A frame of a system and component came from that peer."""
         with self._lock:
             holder = self._holders.get((system, component))
-            if holder is None or (holder.peer != peer and self._gone(holder, now_ns)):
+            taken = holder is not None and holder.peer != peer and self._gone(holder, now_ns)
+            if holder is None or taken:
                 holder = self._holders[system, component] = _Holder(peer, now_ns)
             if holder.peer != peer:
                 holder.other = True
                 return SenderChange.APART
-            first = system not in self._latest
+            before = self._latest.get(system)
             self._address(system, peer, now_ns)
             shared = self._turn(holder, now_ns)
         if shared:
             return SenderChange.SHARED
-        return SenderChange.FIRST if first else SenderChange.NONE
+        if before is None:
+            return SenderChange.FIRST
+        # of a system's components that go over together the first one is told
+        return SenderChange.CHANGED if taken and before != peer else SenderChange.NONE
 
     def note_address(self, system: int, peer: Peer, now_ns: int) -> None:
         """A system was received from that peer, in a frame that is not for use."""
@@ -205,6 +210,7 @@ class FrameReader:
         self._decoder = dialect.MAVLink(None)
         self._unfinished: dict[Peer, bytes] = {}
         self._systems = 0  # that were heard
+        self._changes = 0  # of the sender of an id, as told
 
     def read(self, arrival: Arrival) -> tuple[Frame, ...]:
         """The frames that one read of the link completed."""
@@ -270,7 +276,22 @@ class FrameReader:
                 "two boats with one id, or one boat by two ways; the first holds the id, what "
                 "comes from the other is left out",
             )
+        elif change is SenderChange.CHANGED:
+            self._report_change(system, peer)
         return change is not SenderChange.APART
+
+    def _report_change(self, system: int, peer: Peer) -> None:
+        """Say that another sender has a system's id now; of many changes only now and then."""
+        self._changes += 1
+        report = self._reporter.report
+        if self._changes > MAX_LISTED:
+            report = self._reporter.report_rarely
+        report(
+            LinkEventKind.SENDER_CHANGED,
+            f"another sender holds system id {system} now, {peer_text(peer)}; the one before fell "
+            "silent: the same boat by another way, or another boat with its id, whose motion has "
+            "nothing to do with what came before",
+        )
 
     def _report_new(self, system: int, peer: Peer) -> None:
         """Name a new system; of many, say only that there are more."""

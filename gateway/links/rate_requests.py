@@ -65,7 +65,7 @@ REPEAT_NS = 30 * SECOND  # between two rounds of asking for what does not arrive
 MAX_ROUNDS = 3  # … after which it is reported and left
 SUFFICIENT_SHARE = 0.5  # of the rate asked for: a link that loses half of it is not asked again
 HEARTBEAT_NS = SECOND
-STEPS_HZ = (40.0, 25.0, 20.0, 10.0)  # of a rate that is denied
+STEPS_HZ = (40.0, 25.0, 20.0, 10.0)  # of a rate that is refused
 RESULTS: Mapping[int, str] = {
     dialect.MAV_RESULT_ACCEPTED: "accepted",
     dialect.MAV_RESULT_TEMPORARILY_REJECTED: "rejected for now",
@@ -74,7 +74,9 @@ RESULTS: Mapping[int, str] = {
     dialect.MAV_RESULT_FAILED: "failed",
 }
 ACCEPTED = RESULTS[dialect.MAV_RESULT_ACCEPTED]
-DENIED = RESULTS[dialect.MAV_RESULT_DENIED]
+TOO_FAST = (  # results that may mean that this rate is not to be had: PX4 says "failed"
+    dialect.MAV_RESULT_DENIED, dialect.MAV_RESULT_UNSUPPORTED, dialect.MAV_RESULT_FAILED,
+)  # fmt: skip
 NO_ANSWER = "no answer"
 SIGNED_ONLY = ": a boat that takes signed frames alone answers with --signing-key"
 
@@ -139,16 +141,25 @@ class BoatRequests:
     tries: int = 0
     refusal: str = NO_ANSWER  # the result when the tries are used up
     accepted: frozenset[str] = frozenset()
-    denied: Mapping[str, float] = field(default_factory=dict)  # message -> highest rate denied
+    stepped: Mapping[str, float] = field(default_factory=dict)  # message -> highest rate refused
     refused: Mapping[str, float] = field(default_factory=dict)  # message -> rate asked for at first
     rounds: int = 0  # of asking again for what does not arrive
     sent_ns: int = 0
     last_ack: int = -1  # its sequence number: links repeat frames
+    first_sequence: int = -1  # that of the heartbeat by which it was found; -1: not known
+    counts: bool = False  # whether its sequence numbers were seen to change
 
     @classmethod
-    def start(cls, boat: Address, rates_hz: Mapping[str, float], now_ns: int) -> "BoatRequests":
+    def start(
+        cls, boat: Address, rates_hz: Mapping[str, float], now_ns: int, first_sequence: int = -1
+    ) -> "BoatRequests":
         """Everything is to be asked for, now."""
-        return cls(boat, rates_hz, tuple(rates_hz), now_ns)
+        return cls(boat, rates_hz, tuple(rates_hz), now_ns, first_sequence=first_sequence)
+
+    def again(self, rates_hz: Mapping[str, float], now_ns: int) -> "BoatRequests":
+        """The same boat has forgotten it all."""
+        fresh = BoatRequests.start(self.boat, rates_hz, now_ns, self.first_sequence)
+        return replace(fresh, counts=self.counts)
 
     def due(self, now_ns: int) -> tuple["BoatRequests", RateRequest | None, RequestOutcome | None]:
         """The state after now, the request to send, if any, and the one that is given up."""
@@ -168,9 +179,12 @@ class BoatRequests:
         self, result: int, sequence: int, now_ns: int
     ) -> tuple["BoatRequests", RequestOutcome | None]:
         """COMMAND_ACK of a rate request came; `sequence` is its frame's."""
-        if not self.pending or self.tries == 0 or sequence == self.last_ack:
+        # numbers that stand still, as of a boat that sends 0 in all frames, tell of no repeat
+        counts = self.counts or sequence != self.first_sequence
+        repeated = counts and sequence == self.last_ack
+        if not self.pending or self.tries == 0 or repeated:
             return self, None
-        after = replace(self, last_ack=sequence)
+        after = replace(self, last_ack=sequence, counts=counts)
         if result == dialect.MAV_RESULT_IN_PROGRESS:
             return replace(after, due_ns=now_ns + ANSWER_TIMEOUTS_NS[-1]), None
         text = RESULTS.get(result, f"refused with result {result}")
@@ -178,12 +192,12 @@ class BoatRequests:
             return replace(after, refusal=text), None  # the next try comes when it is due
         message, rate = self.pending[0], self.rates_hz[self.pending[0]]
         lower = [step for step in STEPS_HZ if step < rate]
-        if text == DENIED and lower:
-            rates, denied = {**self.rates_hz, message: lower[0]}, {message: rate, **self.denied}
-            again = replace(after, rates_hz=rates, denied=denied, tries=0, due_ns=now_ns)
+        if result in TOO_FAST and lower:
+            rates, stepped = {**self.rates_hz, message: lower[0]}, {message: rate, **self.stepped}
+            again = replace(after, rates_hz=rates, stepped=stepped, tries=0, due_ns=now_ns)
             return again, None
-        if text == ACCEPTED and message in self.denied:
-            text = _stepped_down(rate, self.denied[message])
+        if text == ACCEPTED and message in self.stepped:
+            text = _stepped_down(rate, self.stepped[message])
         if not text.startswith(ACCEPTED):
             return after._refused()._next(now_ns), self._outcome(text)
         accepted = self.accepted | {message}
@@ -223,7 +237,7 @@ class BoatRequests:
 
     def _refused(self) -> "BoatRequests":
         message = self.pending[0]
-        asked = self.denied.get(message, self.rates_hz[message])
+        asked = self.stepped.get(message, self.rates_hz[message])
         return replace(self, refused={**self.refused, message: asked})
 
     def _next(self, now_ns: int) -> "BoatRequests":
@@ -233,9 +247,9 @@ class BoatRequests:
         return RequestOutcome(self.boat, self.pending[0], self.rates_hz[self.pending[0]], result)
 
 
-def _stepped_down(rate_hz: float, denied_hz: float) -> str:
+def _stepped_down(rate_hz: float, refused_hz: float) -> str:
     """The result of a request that was taken at a lower rate, and what that costs."""
-    return f"{ACCEPTED}, {denied_hz:g} Hz denied: values are {_age(rate_hz, denied_hz)}"
+    return f"{ACCEPTED}, {refused_hz:g} Hz refused: values are {_age(rate_hz, refused_hz)}"
 
 
 def _refused_text(rate_hz: float, asked_hz: float) -> str:
@@ -278,7 +292,8 @@ class LinkRequests:
         kind = message.get_type()
         source = Address(message.get_srcSystem(), message.get_srcComponent())
         if kind == "HEARTBEAT" and (boat := from_heartbeat(message)) is not None:
-            return self.found(source, now_ns, boat.autopilot == "ArduPilot")
+            ardupilot = boat.autopilot == "ArduPilot"
+            return self.found(source, now_ns, ardupilot, message.get_seq())
         if kind == "PARAM_VALUE" and source in self.parameters:
             answered = self.parameters[source].answered(message.param_id)
             return replace(self, parameters={**self.parameters, source: answered})
@@ -286,11 +301,13 @@ class LinkRequests:
             return self.acknowledged(source, message.result, message.get_seq(), now_ns)
         return self
 
-    def found(self, boat: Address, now_ns: int, ardupilot: bool = False) -> "LinkRequests":
-        """A boat's heartbeat came: the first one starts the requests."""
+    def found(
+        self, boat: Address, now_ns: int, ardupilot: bool = False, sequence: int = -1
+    ) -> "LinkRequests":
+        """A boat's heartbeat came, with that number: the first one starts the requests."""
         if self.identity is None or boat in self.boats:
             return self
-        after = self._with(self._start(boat, now_ns))
+        after = self._with(self._start(boat, now_ns, sequence))
         if not ardupilot:
             return after
         asked = {**self.parameters, boat: ParameterRequests(*boat)}
@@ -298,7 +315,8 @@ class LinkRequests:
 
     def rebooted(self, boat: Address, now_ns: int) -> "LinkRequests":
         """Its clock jumped back: it has forgotten what it had accepted."""
-        return self._with(self._start(boat, now_ns)) if boat in self.boats else self
+        known = self.boats.get(boat)
+        return self if known is None else self._with(known.again(self._wanted, now_ns))
 
     def acknowledged(
         self, boat: Address, result: int, sequence: int, now_ns: int
@@ -353,9 +371,12 @@ class LinkRequests:
     def _sends(self) -> bool:
         return self.identity is not None and (self.announce or bool(self.boats))
 
-    def _start(self, boat: Address, now_ns: int) -> BoatRequests:
-        wanted = {message: rate for message, rate in self.rates_hz.items() if rate > 0.0}
-        return BoatRequests.start(boat, wanted, now_ns)
+    def _start(self, boat: Address, now_ns: int, sequence: int) -> BoatRequests:
+        return BoatRequests.start(boat, self._wanted, now_ns, sequence)
+
+    @property
+    def _wanted(self) -> Mapping[str, float]:
+        return {message: rate for message, rate in self.rates_hz.items() if rate > 0.0}
 
     def _is_for_us(self, message: Any) -> bool:
         """Was the boat's answer for us? 0 stands for everyone."""

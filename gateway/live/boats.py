@@ -44,6 +44,9 @@ TOLD = frozenset({
     "shadow_diverged", "shadow_steady", "parameter_changed", "parameter_usual",
     "parameter_inseparable",
 })  # fmt: skip
+# breaks of the estimate, printed too, but not all that one cause brings with it
+BREAKS, QUIET_NS = frozenset({"jump", "restart"}), 10 * SECOND
+REBOOTED = "the autopilot rebooted: the estimate begins anew, and the shadow follows it again"
 
 
 class BoatOutput(NamedTuple):
@@ -55,16 +58,6 @@ class BoatOutput(NamedTuple):
     rows: list[TopicRows]
     out: ShadowRows | None = None
     events: tuple[EventRow, ...] = ()
-
-
-def _with_events(
-    rows: list[TopicRows], events: Sequence[EventRow], out: ShadowRows | None = None
-) -> BoatOutput:
-    """Messages, and events as messages and for people."""
-    if not events:
-        return BoatOutput(rows, out)
-    told = tuple(event for event in events if event.kind in TOLD)
-    return BoatOutput([*rows, event_rows(events)], out, told)
 
 
 NOTHING = BoatOutput([])
@@ -100,6 +93,7 @@ class LiveBoat:
         self._resting = False  # silent for too long to run on
         self.patient = False  # the caller calls `judge` when it has time
         self._unjudged: list[ShadowRows] = []
+        self._break_ns: int | None = None  # receipt of the last break of the estimate that was told
 
     def datagram(self, messages: Sequence[Any], receive_time_ns: int) -> Iterator[BoatOutput]:
         """The boat's messages of one datagram, see `datagrams`."""
@@ -123,7 +117,7 @@ class LiveBoat:
             origin = self._intake.origin
             self._apply_parameters()
             if rebooted:
-                yield BoatOutput(self._restart(receive_time_ns))
+                yield self._restart(receive_time_ns)
             if inputs is not None:
                 self._note_times(inputs, receive_time_ns)
                 waiting.append(inputs)
@@ -172,7 +166,7 @@ class LiveBoat:
         """System and component id."""
         return self.boat.system, self.boat.component
 
-    def _restart(self, now_ns: int) -> list[TopicRows]:
+    def _restart(self, now_ns: int) -> BoatOutput:
         """The autopilot's clock, numbers and local frame start anew, and so does the filter."""
         self.reboots = self._intake.reboots
         self.health.rebooted()
@@ -183,7 +177,9 @@ class LiveBoat:
             memory=RowMemory(published=self._state.memory.published, jumped=1.0),
             sensors=SensorMemory(),
         )
-        return self.event("reboot", "warning", "the autopilot rebooted", now_ns)
+        self._break_ns = now_ns
+        event = EventRow(self._vehicle_time(now_ns), now_ns, "reboot", "warning", REBOOTED)
+        return BoatOutput([event_rows([event])], None, (event,))
 
     def _note_times(self, inputs: FilterInputs, receive_time_ns: int) -> None:
         """Measurements came: the silence is over."""
@@ -207,7 +203,7 @@ class LiveBoat:
         self.health.filtered(inputs, filtered, out)
         self._event_detector, events = self._event_detector.observe(inputs, filtered, out)
         self._force_range, range_events = self._force_range.observe(out)
-        yield _with_events([], [*events, *range_events], out)
+        yield self._with_events([], [*events, *range_events], out)
         self._unjudged += [out] if len(out) else []
         if not self.patient or len(self._unjudged) > MAX_UNJUDGED:
             yield self.judge()
@@ -226,7 +222,24 @@ class LiveBoat:
             self._model_monitor, monitored, told = self._model_monitor.observe(out)
             rows, events = [*rows, *monitored], [*events, *told]
         self._unjudged = []
-        return _with_events(rows, events) if rows or events else NOTHING
+        return self._with_events(rows, events) if rows or events else NOTHING
+
+    def _with_events(
+        self, rows: list[TopicRows], events: Sequence[EventRow], out: ShadowRows | None = None
+    ) -> BoatOutput:
+        """Messages, and events as messages and for people."""
+        if not events:
+            return BoatOutput(rows, out)
+        told = tuple(event for event in events if event.kind in TOLD or self._is_new_break(event))
+        return BoatOutput([*rows, event_rows(events)], out, told)
+
+    def _is_new_break(self, event: EventRow) -> bool:
+        """Is it a break of the estimate, with none told shortly before?"""
+        now, last = event.receive_time_ns, self._break_ns
+        if event.kind not in BREAKS or (last is not None and 0 <= now - last < QUIET_NS):
+            return False
+        self._break_ns = now
+        return True
 
     def _take_over(self, receive_time_ns: int) -> None:
         """The shadow's numbers follow the boat's, from here on."""

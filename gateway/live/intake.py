@@ -197,6 +197,7 @@ class MessageIntake:
         self._received: dict[str, dict[int, int]] = {}  # quantity -> rank of source -> last receipt
         self._order = 0  # of the message
         self._held = HeldValues()
+        self._fixes: dict[str, float] = {}  # the latest of each receiver
         self._pulses: PulseTable | None = None  # of what is held, made when it is asked for
         self._origin = OriginEstimate()
         self._plans: dict[tuple[tuple[Quantity, str], ...], MessagePlan] = {}
@@ -242,6 +243,9 @@ class MessageIntake:
 
     def _use(self, m: Measurement) -> Measurement | None:
         """A measurement of motion for the filter; of anything else the value is remembered."""
+        if m.quantity is Quantity.FIX:  # of several receivers none is better: the best fix counts
+            self._hold(m)
+            return None
         name = self._quantity_it_gives(m)
         if name in MOTION and m.quantity is Quantity.GLOBAL_POSITION:
             self._origin, local = self._origin.in_metres(m)
@@ -287,7 +291,8 @@ class MessageIntake:
             case Quantity.WIND if max(map(abs, m.values)) < MAX_WIND_MPS:
                 self._held = self._held._replace(wind=m.values)
             case Quantity.FIX:
-                self._held = self._held._replace(gps_fix=m.values[0])
+                self._fixes[m.source] = m.values[0]
+                self._held = self._held._replace(gps_fix=max(self._fixes.values()))
             case Quantity.ESTIMATOR:
                 self._held = self._held._replace(estimator=m.values[0])
             case Quantity.ARMED:

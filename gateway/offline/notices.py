@@ -9,13 +9,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gateway.ingest.parameter_changes import ALIKE_US, changes_text
 from sim.identification.wiring import wiring_notices, wiring_of
 from sim.state import Floats
 from sim.trial import Trial
 from sim.vessel import Servo, Vessel
 
 MOVES_US = 30.0  # standard deviation of a pulse width; chosen, not measured
-ALIKE_US = 20.0  # pulse limits that differ by less are the same; chosen, not measured
 NUMBER = re.compile(r"[+-]?\d+(\.\d+)?")
 
 
@@ -26,7 +26,8 @@ def notices_of(trials: Sequence[Trial], vessel: Vessel) -> tuple[str, ...]:
     """
     alike: dict[str, list[tuple[str, str]]] = {}
     for trial in trials:
-        for notice in outputs_set_otherwise(trial, vessel):  # each output has its own
+        for notice in (*outputs_set_otherwise(trial, vessel), *outputs_change(trial)):
+            # each output has its own, and each recording its own change
             alike.setdefault(notice, []).append((trial.name, notice))
         for notice in trial.notices:
             alike.setdefault(NUMBER.sub("", notice), []).append((trial.name, notice))
@@ -63,8 +64,20 @@ def _spread(pwm: Floats) -> float:
 
 
 def outputs_set_otherwise(trial: Trial, vessel: Vessel) -> list[str]:
-    """Pulse limits and directions of the file that are not those of the autopilot's parameters."""
-    own, out = {servo.channel: servo for servo in trial.outputs}, []
+    """Pulse limits and directions of the file that are not those of the autopilot's parameters.
+
+    Where those change in the usable time, only what the file has otherwise on every side: the
+    change itself is told beside it.
+    """
+    first, *later = _in_force(trial) or [trial.outputs]
+    found = _unlike(first, vessel)
+    others = [_unlike(outputs, vessel).keys() for outputs in later]
+    return [text for key, text in found.items() if all(key in other for other in others)]
+
+
+def _unlike(outputs: Sequence[Servo], vessel: Vessel) -> dict[tuple[int, str], str]:
+    """Channel and what is unlike there -> the sentence."""
+    own, out = {servo.channel: servo for servo in outputs}, dict[tuple[int, str], str]()
     for actuator in vessel.actuators:
         ours, theirs = actuator.servo, own.get(actuator.servo.channel)
         if theirs is None:
@@ -75,15 +88,33 @@ def outputs_set_otherwise(trial: Trial, vessel: Vessel) -> list[str]:
         )
         if low or neutral or high:
             what = "full throttle or full helm" if low or high else "neutral"
-            out.append(f"{where}: pulses of {_limits(ours)} µs in the vessel file, but of "
-                       f"{_limits(theirs)} µs in the autopilot's parameters: what is {what} "
-                       "for one is not for the other")  # fmt: skip
+            out[ours.channel, "pulses"] = (
+                f"{where}: pulses of {_limits(ours)} µs in the vessel file, but of "
+                f"{_limits(theirs)} µs in the autopilot's parameters: what is {what} "
+                "for one is not for the other"
+            )
         if ours.reversed != theirs.reversed:
             does, does_not = "the vessel file", "the autopilot's parameters"
             if theirs.reversed:
                 does, does_not = does_not, does
-            out.append(f"{where}: reversed in {does}, and not in {does_not}")
+            out[ours.channel, "direction"] = f"{where}: reversed in {does}, and not in {does_not}"
     return out
+
+
+def outputs_change(trial: Trial) -> list[str]:
+    """That outputs are set otherwise inside the usable time: one model does not fit both sides."""
+    used = trial.time[trial.usable]
+    inside = [s for s in trial.outputs_set if len(used) and used[0] < s.start <= used[-1]]
+    text = changes_text([(one.start, one.text) for one in inside])
+    return [text] if text else []
+
+
+def _in_force(trial: Trial) -> list[tuple[Servo, ...]]:
+    """The outputs as they were set in the usable time, in order."""
+    starts = [one.start for one in trial.outputs_set]
+    sets = [trial.outputs, *(one.outputs for one in trial.outputs_set)]
+    which = np.unique(np.searchsorted(starts, trial.time[trial.usable], side="right"))
+    return [sets[k] for k in which]
 
 
 def _limits(servo: Servo) -> str:

@@ -16,9 +16,10 @@ from gateway.estimation import SOURCES, FilterSettings
 from gateway.estimation.events import Events
 from gateway.estimation.smoother import SmoothedMotion
 from gateway.ingest.agreement import reconciled
-from gateway.ingest.log import Log, choose_floating
+from gateway.ingest.log import BoatSamples, Log, choose_floating
 from gateway.ingest.mapping import Origin, actuators, moment_of
 from gateway.ingest.open import check_each_once, open_log
+from gateway.ingest.parameter_changes import first_parameters, outputs_changes
 from gateway.ingest.sources import Choice, choose
 from gateway.ingest.table_repair import repair_table, settings_for
 from gateway.offline import usable_time
@@ -34,7 +35,7 @@ from gateway.shadow import (
     seconds,
 )
 from sim.state import Floats, Progress
-from sim.trial import Trial
+from sim.trial import OutputsSet, Trial
 from sim.vessel import Servo
 
 SPLIT_S = 30.0  # a longer silence of heading or velocity ends a trial; chosen, not measured
@@ -193,6 +194,8 @@ def source_of(log: Log, options: TrialOptions) -> "TrialSource":
         without_deviation(motion_events(choices, origin, settings, epoch_ns), deviation),
         held_inputs(decoded, choices, epoch_ns),
         parameters,
+        outputs_set(log, decoded, epoch_ns),
+        tuple((one.vehicle_time_ns - epoch_ns) * 1e-9 for one in decoded.lane_switches),
         settings,
         (*table.notices, *([] if decoded.tabular else told_too_seldom(choices))),
         contradictions,
@@ -211,6 +214,21 @@ def told_too_seldom(choices: Mapping[str, Choice]) -> list[str]:
         f"outputs are told at {hz:.2g} Hz: what the motors did between is not known, and errors "
         f"that look like an effect may be that ({ENOUGH_HZ:g} Hz are enough)"
     ]
+
+
+def outputs_set(log: Log, decoded: BoatSamples, epoch_ns: int) -> tuple[OutputsSet, ...]:
+    """How outputs are set [s after `epoch_ns`]: at first, then where that changes inside a log."""
+    first = OutputsSet(-np.inf, "", outputs_of(first_parameters(log, decoded.boat)))
+    found = outputs_changes(log, decoded.boat)
+    times = decoded.times_at(np.array([one.change.order for one in found], np.int64))
+    later = seconds(times, epoch_ns).tolist() if times is not None else ()
+    return (
+        first,
+        *(
+            OutputsSet(time, str(one.change), outputs_of(one.parameters))
+            for time, one in zip(later, found, strict=bool(later))
+        ),
+    )
 
 
 def outputs_of(parameters: Mapping[str, float]) -> tuple[Servo, ...]:
@@ -246,6 +264,8 @@ class TrialSource:
     events: Events
     held: HeldInputs
     parameters: Mapping[str, float]
+    outputs_set: tuple[OutputsSet, ...]
+    lane_switches: tuple[float, ...]  # of the autopilot's filter
     settings: FilterSettings
     notices: tuple[str, ...]
     contradictions: tuple[str, ...] = ()
@@ -313,7 +333,12 @@ class TrialSource:
             excluded=usable_time.excluded_stretches(grid - start, dt, reasons),
             start_time_ns=self.epoch_ns + round(start * 1e9),
             origin_deg=self.origin,
-            outputs=outputs_of(self.parameters),
+            outputs=next(s.outputs for s in reversed(self.outputs_set) if s.start <= start),
+            outputs_set=tuple(
+                replace(one, start=one.start - start)
+                for one in self.outputs_set
+                if start < one.start < end
+            ),
             sources={name: choice.source for name, choice in self.choices.items()},
             rates_hz={name: choice.rate_hz for name, choice in self.choices.items()},
             notices=(*self.contradictions, *self.notices),
@@ -344,6 +369,7 @@ class TrialSource:
             usable_time.DISARMED: disarmed,
             usable_time.NO_FIX: usable_time.no_fix(self.held, grid),
             usable_time.EKF_ILL: usable_time.ekf_ill(self.held, grid),
+            usable_time.LANE_SWITCH: usable_time.around(self.lane_switches, grid),
             usable_time.GAP: gap,
             usable_time.NO_COMMANDS: silent if "commands" in self.choices else nowhere,
             usable_time.IDLE: usable_time.idle(grid, motion.nu, thrust),

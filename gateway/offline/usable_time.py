@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from gateway.errors import BadInput
 from gateway.estimation import MeasurementKind
 from gateway.estimation.events import Events
-from gateway.ingest.mapping import THRUST_FUNCTIONS, actuators
+from gateway.ingest.mapping import STATUS_CONFIRMED_S, THRUST_FUNCTIONS, actuators
 from gateway.shadow import HeldInputs
 from gateway.shadow.sensor_checks import (
     CONFIRMED_S,
@@ -31,7 +31,6 @@ from gateway.shadow.sensor_checks import (
     JUMP_HELD_S,
     MAX_YAW_GAP_S,
     SETTLE_S,
-    STATUS_CONFIRMED_S,
     TURNED_RAD,
     SensorFault,
     SensorMemory,
@@ -49,13 +48,25 @@ Bools = NDArray[np.bool_]
 DISARMED = "disarmed"
 NO_FIX = "no 3-D fix"
 EKF_ILL = "the autopilot's EKF unhealthy"
+LANE_SWITCH = "a switch of the autopilot's EKF"
 FROZEN = "a frozen sensor"
 COMPASS = "a compass that jumped"
 GAP = "no telemetry"
 NO_COMMANDS = "no commands"
 IDLE = "not under way"
 SPINNING = "turning too fast for its grid"
-REASONS = (DISARMED, NO_FIX, EKF_ILL, FROZEN, COMPASS, GAP, NO_COMMANDS, IDLE, SPINNING)
+REASONS = (
+    DISARMED,
+    NO_FIX,
+    EKF_ILL,
+    LANE_SWITCH,
+    FROZEN,
+    COMPASS,
+    GAP,
+    NO_COMMANDS,
+    IDLE,
+    SPINNING,
+)
 LEFT_OUT = "left out by --exclude"
 
 # All chosen by looking at recordings, none measured.
@@ -73,8 +84,15 @@ def disarmed(held: HeldInputs, time: Floats) -> Bools:
 
 
 def no_fix(held: HeldInputs, time: Floats) -> Bools:
-    """Where the receiver reports that it has no 3-D fix: (T,) s -> (T,)."""
-    return np.asarray(held.fix.at(time)[:, 0] < FIX_3D)
+    """Where no receiver has a 3-D fix: (T,) s -> (T,).
+
+    By the rule of the live checks: an EKF that tells of itself and never had a fix goes without (by
+    motion capture, a DVL), and says itself when that fails.
+    """
+    fixes = held.fix.time[held.fix.values[:, 0] >= FIX_3D]
+    had = time >= (fixes.min() if len(fixes) else np.inf)
+    unknown = ~np.isfinite(held.estimator.at(time)[:, 0])
+    return np.asarray((held.fix.at(time)[:, 0] < FIX_3D) & (had | unknown))
 
 
 def ekf_ill(held: HeldInputs, time: Floats) -> Bools:
@@ -88,6 +106,12 @@ def ekf_ill(held: HeldInputs, time: Floats) -> Bools:
         if time[stop - 1] - time[start] >= STATUS_CONFIRMED_S:
             out |= (time >= time[start]) & (time <= time[stop - 1] + SETTLE_S)
     return out
+
+
+def around(moments: Sequence[float], time: Floats) -> Bools:
+    """Where a step of the autopilot's estimate is near: moments [s], (T,) s -> (T,)."""
+    near = [np.abs(time - moment) <= SETTLE_S for moment in moments]
+    return np.logical_or.reduce(near) if near else np.zeros(len(time), np.bool_)
 
 
 def idle(time: Floats, nu: Floats, thrust: Bools) -> Bools:

@@ -16,9 +16,10 @@ from pydantic import ValidationError
 
 from gateway.errors import BadInput
 from gateway.files import write_whole
-from gateway.ingest.log import choose_floating
+from gateway.ingest.log import Log, choose_floating
 from gateway.ingest.mapping import THRUST_FUNCTIONS, Actuator, OutputFunction, actuators
 from gateway.ingest.open import open_log, takes_mapping
+from gateway.ingest.parameter_changes import outputs_notice
 from gateway.number_keys import file_key
 from gateway.toml_file import MAX_TOLD, explain, shortened
 from gateway.vessel_file import (
@@ -103,10 +104,18 @@ def init_vessel(
     return read_vessel_file(out)
 
 
-def initial_vessel_dict(made: VesselFile, out: Path) -> dict[str, object]:
+def initial_notices(log: Log, system: int | None = None) -> list[str]:
+    """What makes an initial vessel file doubtful: outputs that were set otherwise in its log."""
+    told = outputs_notice(log, choose_floating(log, system, anyway=True))
+    return [f"{text}; this file has the last values" for text in told]
+
+
+def initial_vessel_dict(
+    made: VesselFile, out: Path, notices: Sequence[str] = ()
+) -> dict[str, object]:
     """What was written as plain values: the file, its actuators, where each number is from."""
     parts: list[ThrusterTable | RudderTable] = [*made.thrusters, *made.rudders]
-    return {
+    found: dict[str, object] = {
         "written": str(out),
         "name": made.name,
         "actuators": [
@@ -115,6 +124,7 @@ def initial_vessel_dict(made: VesselFile, out: Path) -> dict[str, object]:
         ],
         "provenance": {key: origin.says for key, origin in made.provenance.items()},
     }
+    return found | ({"notices": list(notices)} if notices else {})
 
 
 def check_size(given: Mapping[str, float]) -> None:

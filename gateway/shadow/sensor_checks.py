@@ -21,7 +21,7 @@ import numpy as np
 
 from gateway.estimation import MeasurementKind
 from gateway.estimation.events import Events
-from gateway.ingest.mapping import EstimatorFault
+from gateway.ingest.mapping import STATUS_CONFIRMED_S, EstimatorFault
 from gateway.shadow import FilterInputs
 from sim.kernel.compiled import compiled
 from sim.state import Floats, Ints, wrap
@@ -34,7 +34,6 @@ JUMP_BACK_RAD = 0.09
 JUMP_MEMORY_S = 5.0
 JUMP_HELD_S = 120.0
 GYRO_SLACK_S = 0.25  # of the turn rate: low-pass, scale, time stamps; real logs need as much
-STATUS_CONFIRMED_S = 1.2  # of fix and EKF: longer than one damaged report a second lasts
 CONFIRMED_S = 0.5  # a jump: until then it may be one wild value
 MAX_ANGLE_RAD = 1e4  # beyond it a heading or turn rate is a damaged field
 MAX_YAW_GAP_S = 0.5  # between headings, for the gyro to be compared

@@ -102,8 +102,10 @@ def show_events(boat: str, events: Sequence[LogEvent]) -> None:
         out.print(line, highlight=False, markup=False)
 
 
-def show_initial_vessel(made: VesselFile, out: Path, following: str) -> None:
-    """Actuators found, numbers assumed, what to do next."""
+def show_initial_vessel(
+    made: VesselFile, out: Path, following: str, notices: Sequence[str] = ()
+) -> None:
+    """Actuators found, numbers assumed, what looks odd in the log, what to do next."""
     console = ResultConsole()
     table = Table("actuator", "channel", "pwm [µs]", title=f"{made.name}: outputs that move it")
     parts: list[ThrusterTable | RudderTable] = [*made.thrusters, *made.rudders]
@@ -117,6 +119,7 @@ def show_initial_vessel(made: VesselFile, out: Path, following: str) -> None:
     for text, keys in origins.items():
         console.print(f"{text}: {', '.join(keys)}", highlight=False)
     console.path("written", out)
+    console.notices(notices)
     show_next(following)
 
 

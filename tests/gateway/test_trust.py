@@ -1,5 +1,6 @@
 """A vessel file is data: what it names runs only where its user said so."""
 
+import json
 import os
 from pathlib import Path
 
@@ -84,6 +85,16 @@ def test_all_effects_of_a_vessel_are_trusted_by_its_name(run: Run, stranger: Pat
     plain = stranger / "plain.toml"
     plain.write_text(dump_vessel(WAMV))
     assert "nothing to trust" in run("trust", plain).out
+
+
+def test_what_is_trusted_is_told_as_json(run: Run, stranger: Path) -> None:
+    plain = stranger / "plain.toml"
+    plain.write_text(dump_vessel(WAMV))
+    done = run("trust", stranger / "boat.toml", plain, "--json")
+    assert json.loads(done.out) == {
+        "trusted": [{"file": str(stranger / "line.py"), "effects": ["line_drag"]}],
+        "without_effects": [str(plain)],
+    }
 
 
 def test_one_that_is_named_on_the_command_line_needs_no_trust(stranger: Path) -> None:

@@ -1,8 +1,8 @@
 """DataFlash logs (.BIN): what an ArduPilot autopilot wrote on board.
 
 Times are the autopilot's microseconds, placed on Unix time by its GPS. Of several lanes of its
-Kalman filter the one most in use is read. The gyro is logged as it is measured: the filter's own
-estimate of its bias is subtracted here.
+Kalman filter the one is read that is in use at each moment. The gyro is logged as it is measured:
+the filter's own estimate of its bias is subtracted here.
 """
 
 from collections.abc import Mapping
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from gateway.errors import BadInput
 from gateway.ingest import looks_like
+from gateway.ingest.dataflash.lanes import LanesInUse, gyro_bias, lanes_in_use
 from gateway.ingest.dataflash.mapping import LANE, RULES
 from gateway.ingest.dataflash.records import (
     HEADER,
@@ -29,11 +30,14 @@ from gateway.ingest.dataflash.records import (
 from gateway.ingest.log import (
     Boat,
     BoatSamples,
+    ListedParameter,
     Log,
     Statistics,
     Table,
     decode_tables,
     frozen,
+    lanes_notice,
+    log_start_ns,
     numbers,
 )
 from gateway.ingest.mapping import banner
@@ -51,8 +55,6 @@ WEEK_S = 604_800
 LEAP_S = 18  # GPS − UTC since 2017, as in pymavlink
 REORDERED_US = 1_000_000  # the logger itself mixes messages by some ms: that is no step back
 LONE_US = 60_000_000  # one stamp that is so far from both its neighbours is none
-PRIMARY_LANE = (("XKF4", "PI"), ("NKF4", "PI"))  # message and column with the primary lane
-GYRO_BIAS = ("XKF1", "NKF1", "EKF1")  # column GZ [deg/s], column C where there are several lanes
 VEHICLES = {  # how the banner begins -> what the vehicle is
     "ArduRover": "rover or boat",
     "ArduSub": "submarine",
@@ -127,33 +129,6 @@ def unix_minus_boot_ns(gps: Mapping[str, NDArray[Any]]) -> int:
     return unix_s * 10**9 + int(tow_ms[k]) * 10**6 - int(boot_us[k]) * 1000
 
 
-def primary_lane(log: Log) -> int:
-    """Number of the lane that was primary for most of the log; 0 where it is not logged.
-
-    One lane for the whole log: a switch between lanes is a step of the estimate, not motion.
-    """
-    for name, column in PRIMARY_LANE:
-        table = log.table(name)
-        if len(table) and column in table.columns:
-            lanes = np.nan_to_num(numbers(table.columns[column])).astype(np.int64)
-            return int(np.bincount(lanes[lanes >= 0], minlength=1).argmax())
-    return 0
-
-
-def without_bias(samples: Samples, log: Log, lane: int) -> Samples:
-    """Yaw rates of the IMU -> the same minus the bias last known at each row of the log."""
-    for name in GYRO_BIAS:
-        table = log.table(name)
-        if len(table) and "GZ" in table.columns:
-            lanes = np.asarray(table.columns.get(LANE, np.full(len(table), lane)))
-            mine = lanes == lane
-            bias = np.radians(numbers(table.columns["GZ"])[mine])
-            if len(bias):
-                last = np.searchsorted(table.order[mine], samples.order) - 1
-                return replace(samples, values=samples.values - bias[np.maximum(last, 0), None])
-    return samples
-
-
 @dataclass
 class DataflashLog(Log):
     """An opened DataFlash log: where its accepted messages lie."""
@@ -184,18 +159,26 @@ class DataflashLog(Log):
         return (Boat(0, 0, "ArduPilot", found[0] if found else ""),)
 
     def decode(self, boat: Boat) -> BoatSamples:
-        """All samples, of one lane of the filter, yaw rates without the bias of the gyro."""
-        lane = primary_lane(self)
-        decoded = decode_tables(self, boat, RULES, {LANE: lane})
-        samples = tuple(
-            without_bias(s, self, lane) if s.quantity is Quantity.YAW_RATE else s
-            for s in decoded.samples
-        )
-        return replace(decoded, samples=samples)
+        """All samples, of the lane of the filter in use, yaw rates without the gyro's bias."""
+        in_use = lanes_in_use(self)
+        decoded = decode_tables(self, boat, RULES, {LANE: in_use.at})
+        samples = tuple(self._without_bias(s, in_use) for s in decoded.samples)
+        times = decoded.times_at(in_use.order)
+        switches = in_use.switches(in_use.receive_time_ns if times is None else times)
+        told = lanes_notice(switches, log_start_ns(self))
+        notices = (*decoded.notices, *told)
+        return replace(decoded, samples=samples, lane_switches=switches, notices=notices)
 
-    def parameters(self, boat: Boat) -> dict[str, float]:
-        """PARM: name -> last value."""
-        return self.table("PARM").parameters("Name", "Value", boat)
+    def _without_bias(self, samples: Samples, in_use: LanesInUse) -> Samples:
+        """Yaw rates of the IMU -> the same minus the bias last known; others as they are."""
+        if samples.quantity is not Quantity.YAW_RATE:
+            return samples
+        bias = gyro_bias(samples, self, in_use)
+        return samples if bias is None else replace(samples, values=samples.values - bias[:, None])
+
+    def listed_parameters(self, boat: Boat) -> list[ListedParameter]:
+        """All PARM, also of values told before."""
+        return self.table("PARM").listed("Name", "Value", boat)
 
     def firmware(self, boat: Boat) -> str:
         """Banner among the texts of MSG."""

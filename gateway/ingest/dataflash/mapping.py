@@ -15,6 +15,7 @@ from gateway.ingest.mapping import (
     Rule,
     along,
     as_given,
+    estimator_faults,
     known,
     only_where,
     servo_pulses,
@@ -22,6 +23,8 @@ from gateway.ingest.mapping import (
 from gateway.samples import Quantity
 
 EVENT_ARMED, EVENT_DISARMED = 10, 11
+MAX_STATUS = 1 << 32  # more bits than SS has, as a damaged definition may hold
+KALMAN_GLITCH = 1 << 14  # SS of XKF4: nav_filter_status of ArduPilot
 
 
 def kalman(m: Any) -> Facts:
@@ -31,6 +34,16 @@ def kalman(m: Any) -> Facts:
         (Quantity.VELOCITY, (m.VN, m.VE)),
         (Quantity.YAW, (np.radians(m.Yaw),)),
     )
+
+
+def kalman_status(m: Any) -> Facts:
+    """XKF4, NKF4 of one lane -> what it says is wrong with it.
+
+    SS is its solution status, SV, SP and SM the square roots of its test ratios.
+    """
+    status = np.clip(np.nan_to_num(np.asarray(m.SS, np.float64)), 0, MAX_STATUS)
+    faults = estimator_faults(status, KALMAN_GLITCH, (m.SV, m.SP, m.SM))
+    return ((Quantity.ESTIMATOR, (faults,)),)
 
 
 def att(m: Any) -> Facts:
@@ -50,6 +63,11 @@ def gps(m: Any) -> Facts:
         (Quantity.GLOBAL_POSITION, (only_where(fixed, m.Lat), only_where(fixed, m.Lng))),
         (Quantity.VELOCITY, (north, east)),
     )
+
+
+def gps_fix(m: Any) -> Facts:
+    """GPS, GPS2 of the second receiver -> fix."""
+    return ((Quantity.FIX, (m.Status,)),)
 
 
 def bat(m: Any) -> Facts:
@@ -97,9 +115,13 @@ RULES: tuple[Rule, ...] = (
     _rule("XKF1", kalman, LANE),
     _rule("NKF1", kalman, LANE),
     _rule("EKF1", kalman, equivalent="NKF1"),  # until 2016
+    _rule("XKF4", kalman_status, LANE),
+    _rule("NKF4", kalman_status, LANE),
     _rule("ATT", att),
     _rule("IMU", as_given(IMU), "I"),
     _rule("GPS", gps, "I"),
+    _rule("GPS", gps_fix, "I", number=1, source="GPS/1", equivalent="GPS2_RAW"),
+    _rule("GPS2", gps_fix, equivalent="GPS2_RAW"),  # until 2020
     _rule("BAT", bat, "Inst", "Instance", "I"),
     _rule("CURR", bat, "Inst", "Instance", "I"),
     _rule("ARM", arm, on_change=True),

@@ -21,6 +21,7 @@ from gateway.ingest.clock import STEP_BACK
 from gateway.ingest.log import (
     Boat,
     BoatSamples,
+    ListedParameter,
     Log,
     Statistics,
     Table,
@@ -307,9 +308,9 @@ class MavlinkLog(Log):
     def decode(self, boat: Boat) -> BoatSamples:
         return decode_tables(self, boat, RULES)
 
-    def parameters(self, boat: Boat) -> dict[str, float]:
-        """PARAM_VALUE: name -> last value."""
-        return self.table("PARAM_VALUE").parameters("param_id", "param_value", boat)
+    def listed_parameters(self, boat: Boat) -> list[ListedParameter]:
+        """All PARAM_VALUE, also of values told before."""
+        return self.table("PARAM_VALUE").listed("param_id", "param_value", boat)
 
     def firmware(self, boat: Boat) -> str:
         """Banner of a STATUSTEXT, else the version of AUTOPILOT_VERSION."""

@@ -19,11 +19,11 @@ from gateway.ingest.mapping import (
     UNIX_FROM_US,
     Column,
     Counter,
-    EstimatorFault,
     Facts,
     Rule,
     along,
     as_given,
+    estimator_faults,
     euler,
     heading_rate,
     known,
@@ -39,11 +39,8 @@ MILLI_G = 9.80665e-3  # m/s²
 X_ACC, Y_ACC, Z_GYRO = 1 << 0, 1 << 1, 1 << 5  # HIGHRES_IMU.fields_updated
 LOCAL_NED, BODY_NED, BODY_FRD = 1, 8, 12  # MAV_FRAME_…
 ARMED_BIT = 128  # MAV_MODE_FLAG_SAFETY_ARMED
-EKF_ATTITUDE, EKF_VELOCITY, EKF_POSITION = 1, 2, 8 | 16  # relative or absolute position
-EKF_CONSTANT_POSITION = 128
 EKF_GLITCH = 1 << 15  # EKF_STATUS_REPORT
 ESTIMATOR_GLITCH = 1 << 10  # ESTIMATOR_STATUS
-EKF_GATE = 0.8  # square root of the test ratio: ArduPilot's own failsafe (FS_EKF_THRESH)
 AUTOPILOT_INVALID = 8  # MAV_AUTOPILOT_INVALID: ground stations, cameras, companions
 
 
@@ -77,7 +74,7 @@ def global_position_int(m: Any) -> Facts:
 
 
 def gps_fix(m: Any) -> Facts:
-    """GPS_RAW_INT -> fix."""
+    """GPS_RAW_INT, GPS2_RAW -> fix."""
     return ((Quantity.FIX, (m.fix_type,)),)
 
 
@@ -188,28 +185,14 @@ def battery_status(m: Any) -> Facts:
 def ekf_status_report(m: Any) -> Facts:
     """EKF_STATUS_REPORT -> what ArduPilot's filter says is wrong with it."""
     ratios = m.velocity_variance, m.pos_horiz_variance, m.compass_variance
-    return _estimator(m.flags, EKF_GLITCH, ratios)
+    return ((Quantity.ESTIMATOR, (estimator_faults(m.flags, EKF_GLITCH, ratios),)),)
 
 
 def estimator_status(m: Any) -> Facts:
     """ESTIMATOR_STATUS -> the same of PX4's, whose ratios are squared."""
     squared = (m.vel_ratio, m.pos_horiz_ratio, m.mag_ratio)
     ratios = tuple(np.sqrt(np.maximum(np.asarray(r, np.float64), 0.0)) for r in squared)
-    return _estimator(m.flags, ESTIMATOR_GLITCH, ratios)
-
-
-def _estimator(flags: Column, glitch: int, ratios: tuple[Column, ...]) -> Facts:
-    bits = np.asarray(flags, np.int64)
-    constant = (bits & EKF_CONSTANT_POSITION) != 0
-    rejects = np.max(np.asarray(np.broadcast_arrays(*ratios), np.float64), axis=0) >= EKF_GATE
-    wrong = (
-        ((bits & EKF_ATTITUDE) == 0) * int(EstimatorFault.ATTITUDE)
-        + ((bits & EKF_VELOCITY) == 0) * int(EstimatorFault.VELOCITY)
-        + (((bits & EKF_POSITION) == 0) | constant) * int(EstimatorFault.POSITION)
-        + ((bits & glitch) != 0) * int(EstimatorFault.GLITCH)
-        + rejects * int(EstimatorFault.REJECTS)
-    )
-    return ((Quantity.ESTIMATOR, (np.asarray(wrong, np.float64),)),)
+    return ((Quantity.ESTIMATOR, (estimator_faults(m.flags, ESTIMATOR_GLITCH, ratios),)),)
 
 
 def wind(m: Any) -> Facts:
@@ -228,6 +211,7 @@ RULES: tuple[Rule, ...] = (
     Rule(
         "GPS_RAW_INT", gps_fix, Counter.RECEIPT, source="GPS_RAW_INT fix", equivalent="GPS_RAW_INT"
     ),
+    Rule("GPS2_RAW", gps_fix, Counter.RECEIPT, source="GPS2_RAW fix", equivalent="GPS2_RAW"),
     Rule("VFR_HUD", vfr_hud, Counter.RECEIPT),
     Rule("ODOMETRY", odometry, Counter.BOOT_US),
     Rule("GPS_GLOBAL_ORIGIN", gps_global_origin, Counter.RECEIPT),

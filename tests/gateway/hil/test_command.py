@@ -1,5 +1,6 @@
 """`shadow hil` as a user runs it, in a process of its own."""
 
+import json
 import signal
 import subprocess
 import time
@@ -14,14 +15,16 @@ from tests.gateway.hil.firmware import StandIn, free_port
 @pytest.mark.alone
 def test_it_plays_until_ctrl_c_and_leaves_a_whole_recording(tmp_path):
     port = free_port()
-    command = [*SHADOW, "hil", f"json:127.0.0.1:{port}", "-v", "ferry=otter", "--out", tmp_path]
-    with subprocess.Popen([*map(str, command)], stderr=subprocess.PIPE, text=True) as process:
+    endpoint = f"json:127.0.0.1:{port}"
+    command = [*SHADOW, "hil", endpoint, "-v", "ferry=otter", "--out", tmp_path, "--json"]
+    pipe = subprocess.PIPE
+    with subprocess.Popen([*map(str, command)], stdout=pipe, stderr=pipe, text=True) as process:
         assert "waiting for an autopilot" in process.stderr.readline()
         firmware = StandIn(port)
         assert firmware.sail({1: 1800, 3: 1800}, 2.0)["velocity"][0] > 0.3
         firmware.close()
         process.send_signal(signal.SIGINT)
-        _, said = process.communicate(timeout=30.0)
+        result, said = process.communicate(timeout=30.0)
     assert process.returncode == 0
     assert "ferry: 2 s in 800 frames" in said
     (path,) = tmp_path.glob("ferry-hil-*.mcap")
@@ -29,6 +32,10 @@ def test_it_plays_until_ctrl_c_and_leaves_a_whole_recording(tmp_path):
     assert recording.finished
     assert f"recorded to {path}" in said
     assert recording.counts()["truth/ferry"] == pytest.approx(100, abs=2)
+    (boat,) = json.loads(result)["boats"]
+    assert (boat["name"], boat["endpoint"], boat["frames"]) == ("ferry", endpoint, 800)
+    assert boat["recordings"] == [str(path)]
+    assert 0.0 < boat["latency_us"]["p50"] <= boat["latency_us"]["p99"]
 
 
 @pytest.mark.alone

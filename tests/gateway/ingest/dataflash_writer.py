@@ -7,6 +7,7 @@ columns: 2014 with milliseconds, a GPS without clock and `Ch1`; 2015 with micros
 
 import struct
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -74,6 +75,7 @@ FORMATS: Mapping[int, Mapping[str, tuple[str, str]]] = {
         "BAT": ("QBfffffcf", "TimeUS,Inst,Volt,VoltR,Curr,CurrTot,EnrgTot,Temp,Res"),
     },
 }  # fmt: skip
+XKF4 = ("QBcccccfffHBIHb", "TimeUS,C,SV,SP,SH,SM,SVT,errRP,OFN,OFE,FS,TS,SS,GPS,PI")
 BANNERS = {2014: "APM:Rover v2.46beta2", 2015: "APM:Rover v2.51-rc1 (93cd7f2a)",
            2025: "ArduRover V4.7.0-dev (b1c2d3e4)"}  # fmt: skip
 LAT, LON, WEEK, WEEK_MS = 63.447, 10.4, 1850, 200_000_000
@@ -87,9 +89,12 @@ def voyage_log(
     without: Collection[str] = (),
     vessel: Vessel = WAMV,
     fix: bool = True,
+    second_fix: bool = False,
+    lanes: "Lanes | None" = None,
 ) -> bytes:
     """The log of a voyage in the formats of that year; some messages may be left out of it."""
     known = {name: form for name, form in FORMATS[year].items() if name not in without}
+    known |= {"XKF4": XKF4} if lanes else {}
     numbers = {name: 129 + k for k, name in enumerate(known)}
     out = [_fmt(128, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")]
     out += [_fmt(numbers[name], name, *form) for name, form in known.items()]
@@ -110,8 +115,36 @@ def voyage_log(
     write("ARM", 100.0, ArmState=1)
     write("EV", 100.0, Id=10)
     for t, row, pulses in _moving(seconds, vessel):
-        _moment(write, 100.0 + t, row, pulses, fix, slow=round(t * 20) % 4 == 0)
+        _moment(write, 100.0 + t, row, pulses, fix, round(t * 20) % 4 == 0, lanes is None)
+        if second_fix:
+            write("GPS", 100.0 + t, I=1, Status=3)
+        if lanes:
+            _two_lanes(write, t, row, lanes)
     return b"".join(out)
+
+
+@dataclass(frozen=True)
+class Lanes:
+    """Two lanes of EKF3: the first goes wrong for a while [s], and says so.
+
+    left  whether the boat goes on with the second one then
+    """
+
+    ill: tuple[float, float]
+    left: bool = True
+
+
+def _two_lanes(write: Any, t: float, row: Any, lanes: Lanes) -> None:
+    """Motion by both lanes, and what they say of themselves."""
+    ill = lanes.ill[0] <= t < lanes.ill[1]
+    north, east, yaw, u, v, _ = (float(value) for value in row)
+    vn, ve = u * np.cos(yaw) - v * np.sin(yaw), u * np.sin(yaw) + v * np.cos(yaw)
+    heading = float(np.degrees(yaw) % 360.0)
+    for lane, off in ((0, 0.8 if ill else 0.0), (1, 0.0)):
+        wrong = north + off * (t - lanes.ill[0])
+        write("XKF1", 100.0 + t, C=lane, Yaw=heading, VN=vn + off, VE=ve, PN=wrong, PE=east)
+        state = {"SS": 1, "SV": 3.0} if ill and not lane else {"SS": 831, "SV": 0.1}
+        write("XKF4", 100.0 + t, C=lane, PI=int(ill and lanes.left), **state)
 
 
 def _moving(seconds: float, vessel: Vessel) -> Any:
@@ -124,14 +157,16 @@ def _moving(seconds: float, vessel: Vessel) -> Any:
     return zip(times.tolist(), states[0, :-1, :6], pulses, strict=True)
 
 
-def _moment(write: Any, t: float, row: Any, pulses: Any, fix: bool, slow: bool) -> None:
+def _moment(
+    write: Any, t: float, row: Any, pulses: Any, fix: bool, slow: bool, one_lane: bool
+) -> None:
     """What the boat logs at one moment of its voyage."""
     north, east, yaw, u, v, r = (float(value) for value in row)
     heading = float(np.degrees(yaw) % 360.0)
     vn, ve = u * np.cos(yaw) - v * np.sin(yaw), u * np.sin(yaw) + v * np.cos(yaw)
     write("ATT", t, Yaw=heading)
     write("IMU", t, GyrZ=r)
-    for name in ("EKF1", "XKF1"):
+    for name in ("EKF1", "XKF1") if one_lane else ():
         write(name, t, Yaw=heading, VN=vn, VE=ve, PN=north, PE=east)
     channels = {f"{c}{n + 1}": round(float(p)) for n, p in enumerate(pulses) for c in ("C", "Ch")}
     write("RCOU", t, **channels)

@@ -60,6 +60,13 @@ def gps(boot_s: float, fix: int) -> Any:
     )
 
 
+def gps2(boot_s: float, fix: int) -> Any:
+    """The second receiver."""
+    return dialect.MAVLink_gps2_raw_message(
+        round(boot_s * 1e6), fix, 634470000, 104000000, 0, 1, 1, 65535, 65535, 9, 0, 0
+    )
+
+
 def ekf_status(ill: bool = False) -> Any:
     """All of attitude, velocity and place; ill: no velocity."""
     return dialect.MAVLink_ekf_status_report_message(

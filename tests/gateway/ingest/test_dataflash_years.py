@@ -6,13 +6,23 @@ import numpy as np
 import pytest
 
 from gateway.ingest.log import choose_boat
+from gateway.ingest.log_events import log_events
 from gateway.ingest.open import open_log
 from gateway.ingest.sources import choose
 from gateway.offline.trials import load_trials
+from gateway.offline.usable_time import EKF_ILL, LANE_SWITCH
 from gateway.samples import Quantity
 from gateway.vessel_file import dump_vessel
 from tests.gateway.command_line import Run, one_line
-from tests.gateway.ingest.dataflash_writer import BANNERS, CH12, FORMATS, WEEK, WEEK_MS, voyage_log
+from tests.gateway.ingest.dataflash_writer import (
+    BANNERS,
+    CH12,
+    FORMATS,
+    WEEK,
+    WEEK_MS,
+    Lanes,
+    voyage_log,
+)
 from tests.sim.vessels import WAMV
 
 YEARS = tuple(FORMATS)
@@ -111,3 +121,43 @@ def test_outputs_under_names_that_nobody_knows_are_said_to_be_unreadable(tmp_pat
     decoded = log.decode(choose_boat(log))
     assert not decoded.of(Quantity.ACTUATORS)
     assert decoded.notices == ("RCOU cannot be read: its fields are not those that RCOU has",)
+
+
+def happened(path: Path) -> list[str]:
+    log = open_log(path)
+    return [one.text for one in log_events(log, choose_boat(log)) if "EKF" in one.text]
+
+
+def test_a_lane_that_went_wrong_and_was_left_is_not_read(tmp_path: Path) -> None:
+    """The lane most in use was read throughout: 0.8 m/s wrong while the boat followed another."""
+    plain = load_trials(written(tmp_path, voyage_log(2025, 60.0)))[0]
+    path = written(tmp_path, voyage_log(2025, 60.0, lanes=Lanes((20.0, 40.0))))
+    (trial,) = load_trials(path)
+    count = min(len(trial), len(plain))
+    assert np.max(np.abs(trial.nu[20:count] - plain.nu[20:count])) < 0.02
+    left_out = [(s.start, s.end) for s in trial.excluded if s.why == LANE_SWITCH]
+    assert left_out == [pytest.approx((at - 5.0, at + 5.0), abs=0.3) for at in (20.0, 40.0)]
+    assert not any(s.why == EKF_ILL for s in trial.excluded)
+    text = "the autopilot's EKF switches from lane 0 to lane 1"
+    assert any(n.startswith(f"{text} at 20 s of the log, the first of 2") for n in trial.notices)
+    assert happened(path) == [text, "the autopilot's EKF switches from lane 1 to lane 0"]
+
+
+def test_a_lane_that_says_it_is_ill_judges_no_model(tmp_path: Path) -> None:
+    """As EKF_STATUS_REPORT does in telemetry."""
+    path = written(tmp_path, voyage_log(2025, 60.0, lanes=Lanes((20.0, 40.0), left=False)))
+    (trial,) = load_trials(path)
+    (ill,) = ((s.start, s.end) for s in trial.excluded if s.why == EKF_ILL)
+    assert ill == pytest.approx((20.0, 45.0), abs=0.3)
+    assert trial.sources["estimator"] == "XKF4"
+    assert happened(path) == [
+        "the autopilot's EKF is unhealthy: velocity, position, rejects",
+        "the autopilot's EKF is healthy again",
+    ]
+
+
+def test_the_fix_of_the_second_receiver_counts(tmp_path: Path) -> None:
+    log = open_log(written(tmp_path, voyage_log(2025, 20.0, fix=False, second_fix=True)))
+    fix = choose(log.decode(choose_boat(log)).samples)["fix"].samples.values[:, 0]
+    assert fix[1:].min() == 3.0
+    assert load_trials(log.path)[0].usable.any()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gateway.ingest.dataflash.log import primary_lane, without_bias
+from gateway.ingest.dataflash.lanes import gyro_bias, lanes_in_use
 from gateway.ingest.log import Statistics, Table
 from gateway.samples import Quantity, Samples
 
@@ -33,12 +33,40 @@ def table(name: str, order: np.ndarray, **columns: np.ndarray) -> Table:
     return Table(name, order, order * 1000, nobody, nobody, columns)
 
 
-def test_the_lane_most_in_use_counts() -> None:
-    assert primary_lane(Lanes()) == 1
+def test_the_lane_in_use_is_followed() -> None:
+    in_use = lanes_in_use(Lanes())
+    assert in_use.lane.tolist() == [1, 0]
+    assert in_use.at(np.array([5, 10, 20, 21, 30])).tolist() == [1, 1, 1, 0, 0]
 
 
-def test_the_bias_last_known_is_taken_off() -> None:
-    order = np.array([5, 12, 30])
-    raw = Samples(Quantity.YAW_RATE, "IMU", order, order, order, np.full((3, 1), 0.5))
-    values = without_bias(raw, Lanes(), lane=1).values[:, 0]
-    assert values == pytest.approx(0.5 - np.radians([1.0, 1.0, 2.0]))
+def test_the_bias_last_known_to_the_lane_in_use_is_found() -> None:
+    """The second lane is in use until 21, then the first one."""
+    order = np.array([5, 12, 20, 30])
+    raw = Samples(Quantity.YAW_RATE, "IMU", order, order, order, np.full((4, 1), 0.5))
+    log = Lanes()
+    bias = gyro_bias(raw, log, lanes_in_use(log))
+    assert bias == pytest.approx(np.radians([1.0, 1.0, 1.0, 1.0]))
+    log.tables["XKF1"] = table(
+        "XKF1", np.array([10, 11, 20, 21, 25, 26]), C=np.array([0, 1, 0, 1, 0, 1]),
+        GZ=np.array([9.0, 1.0, 9.0, 2.0, 9.0, 1.0]),
+    )  # fmt: skip
+    bias = gyro_bias(raw, log, lanes_in_use(log))
+    assert bias == pytest.approx(np.radians([1.0, 1.0, 1.0, 9.0]))
+
+
+@pytest.mark.parametrize(
+    ("primary", "logged", "followed"),
+    [
+        ([-1, 1, 1, 1], [0, 1, 0, 1], [1]),  # none yet, then the second one
+        ([0, 0, 1, 0], [0, 0, 0, 0], [0]),  # the second one's motion is not in the log
+        ([1, 1, 1, 1], [0, 0, 0, 0], [0]),
+        ([200, 300, 1e300, np.nan], [0, 1, 0, 1], [0]),  # a damaged field
+    ],
+)
+def test_a_lane_that_cannot_be_read_is_not_followed(
+    primary: list[float], logged: list[int], followed: list[int]
+) -> None:
+    log, order = Lanes(), np.array([10, 11, 20, 21])
+    log.tables["XKF4"] = table("XKF4", order, PI=np.array(primary))
+    log.tables["XKF1"] = table("XKF1", order, C=np.array(logged), GZ=np.zeros(4))
+    assert lanes_in_use(log).lane.tolist() == followed

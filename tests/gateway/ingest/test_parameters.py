@@ -3,8 +3,11 @@
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.ingest.log import choose_boat
+from gateway.ingest.log_events import LogEvent, log_events
 from gateway.ingest.mapping import OutputFunction, actuators
-from tests.gateway.ingest.scripted import Script, heartbeat
+from gateway.ingest.parameter_changes import changes_text, outputs_changes, outputs_notice
+from gateway.ingest.survey import survey
+from tests.gateway.ingest.scripted import Script, attitude, heartbeat
 
 
 def parameter(name: str, value: float) -> object:
@@ -49,3 +52,40 @@ def test_functions_become_kinds_with_their_limits() -> None:
     assert found[0].pwm == (1000.0, 1500.0, 1900.0)
     assert found[0].reversed
     assert found[2].motor == 3
+
+
+def listed_twice(*changes: tuple[str, float]) -> Script:
+    """A port motor whose parameters are listed, then at 20 s once more with changes, then again."""
+    before = {"SERVO1_FUNCTION": 73.0, "SERVO1_TRIM": 1500.0, "SERVO1_REVERSED": 0.0, "STAT": 1.0}
+    script = Script()
+    for t in range(40):
+        script.send(float(t), heartbeat())
+        script.send(float(t), attitude(100.0 + t))
+        values = before if t < 20 else before | dict(changes)
+        for name, value in values.items() if t % 10 == 0 else ():
+            script.send(float(t), parameter(name, value))
+    return script
+
+
+def test_a_parameter_that_is_listed_again_is_no_change() -> None:
+    log = listed_twice(("STAT", 2.0), ("SERVO1_TRIM", 1510.0)).log()
+    boat = choose_boat(log)
+    assert outputs_changes(log, boat) == []
+    assert outputs_notice(log, boat) == ()
+
+
+def test_an_output_that_is_set_otherwise_in_a_log_is_told() -> None:
+    """`info` said "reversed" of the whole log, from its last value."""
+    log = listed_twice(("SERVO1_REVERSED", 1.0)).log()
+    boat = choose_boat(log)
+    text = "SERVO1_REVERSED changes from 0 to 1"
+    assert LogEvent(20.0, "autopilot", "notice", text) in log_events(log, boat)
+    (found,) = survey(log).boats
+    (told,) = [n for n in found.notices if text in n]
+    assert told.startswith(f"{text} at 20 s: a vessel file may hold before or after that")
+
+
+def test_many_changes_are_one_sentence() -> None:
+    assert changes_text([]) == ""
+    told = changes_text([(10.0 * k, f"change {k}") for k in range(5)])
+    assert told.startswith("change 0 at 0 s, change 1 at 10 s, change 2 at 20 s and 2 more: ")

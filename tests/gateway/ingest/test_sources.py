@@ -60,3 +60,19 @@ def test_absent_quantities_have_no_source() -> None:
 def test_a_quantity_lists_each_source_once() -> None:
     for name, candidates in PRIORITY.items():
         assert len(set(candidates)) == len(candidates), name
+
+
+def receiver(source: str, order: list[int], fixes: list[float]) -> Samples:
+    at = np.array(order)
+    return Samples(Quantity.FIX, source, at, at, at, np.array(fixes)[:, None])
+
+
+def test_the_best_fix_of_all_receivers_counts() -> None:
+    """A boat whose first receiver is broken was refused whole: "no 3-D fix"."""
+    first = receiver("GPS_RAW_INT", [1, 3, 5, 7], [1.0, 1.0, 1.0, 4.0])
+    second = receiver("GPS2_RAW", [2, 4, 6], [3.0, 3.0, 0.0])
+    fix = choose([first, second])["fix"]
+    assert fix.source == "GPS_RAW_INT"
+    assert fix.samples.order.tolist() == [1, 2, 3, 4, 5, 6, 7]
+    assert fix.samples.values[:, 0].tolist() == [1.0, 3.0, 3.0, 3.0, 3.0, 1.0, 4.0]
+    assert choose([first])["fix"].samples is first

@@ -309,6 +309,21 @@ def test_of_two_boats_with_one_system_id_the_first_is_taken(inbox):
     assert "what comes from the other is left out" in shared[0].text
 
 
+def test_another_sender_that_goes_on_under_an_id_is_told(inbox, monkeypatch):
+    """It was "telemetry is fresh again", and then a heading that jumped."""
+    monkeypatch.setattr("gateway.links.frame_reader.HOLD_NS", 50_000_000)
+    port = free_port()
+    with Link(f"udpin:127.0.0.1:{port}", inbox), udp_socket() as a, udp_socket() as b:
+        for line in (a, b, b):
+            line.sendto(Autopilot().attitude(), ("127.0.0.1", port))
+            time.sleep(0.06)
+        found = items(inbox, lambda found: sum(not hasattr(i, "kind") for i in found) == 3)
+        sender = b.getsockname()[1]
+    (changed,) = [i for i in found if getattr(i, "kind", None) is LinkEventKind.SENDER_CHANGED]
+    told = f"another sender holds system id 1 now, 127.0.0.1:{sender}; the one before fell silent"
+    assert changed.text.startswith(told)
+
+
 def test_a_sender_that_comes_back_under_another_port_is_no_second_boat(inbox, monkeypatch):
     monkeypatch.setattr("gateway.links.frame_reader.HOLD_NS", 50_000_000)
     port = free_port()

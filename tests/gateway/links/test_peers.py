@@ -14,7 +14,7 @@ A, B = ("10.0.0.1", 1), ("10.0.0.2", 2)
 
 
 NONE, FIRST = SenderChange.NONE, SenderChange.FIRST
-APART, SHARED = SenderChange.APART, SenderChange.SHARED
+APART, SHARED, CHANGED = SenderChange.APART, SenderChange.SHARED, SenderChange.CHANGED
 
 
 def test_answers_go_to_where_a_system_was_heard():
@@ -48,6 +48,7 @@ def test_the_first_sender_holds_an_id_until_it_was_silent():
     assert peers.note(1, 1, B, 1) is APART
     assert peers.addresses(1, 2) == (A,)
     assert peers.note(1, 1, B, HOLD_NS) is APART
+    assert peers.note(1, 1, B, HOLD_NS + 1) is CHANGED
     assert peers.note(1, 1, B, HOLD_NS + 1) is NONE
     assert peers.note(1, 1, A, HOLD_NS + 2) is APART
 
@@ -58,7 +59,15 @@ def test_whoever_hung_up_holds_nothing():
     assert peers.note(1, 1, A, 0) is FIRST
     assert peers.note(1, 1, B, 1) is APART
     connected.remove(A)
-    assert peers.note(1, 1, B, 2) is NONE
+    assert peers.note(1, 1, B, 2) is CHANGED
+
+
+def test_components_that_go_over_together_are_one_change():
+    peers = Peers()
+    for component in (1, 191):
+        peers.note(1, component, A, 0)
+    late = HOLD_NS + 1
+    assert [peers.note(1, component, B, late) for component in (1, 191)] == [CHANGED, NONE]
 
 
 def test_other_components_of_a_system_may_speak_from_elsewhere():

@@ -19,7 +19,7 @@ from tests.gateway.links.boats import Autopilot, decoded
 
 BOAT = Address(1, 1)
 TWO = {"ATTITUDE": 50.0, "SYSTEM_TIME": 1.0}
-ACCEPTED, REJECTED, DENIED, UNSUPPORTED, BUSY = 0, 1, 2, 3, 5
+ACCEPTED, REJECTED, DENIED, UNSUPPORTED, FAILED, BUSY = 0, 1, 2, 3, 4, 5
 
 
 class Play:
@@ -132,19 +132,48 @@ def test_a_lost_answer_is_asked_for_again(play):
     assert play.due()[0] == [("SYSTEM_TIME", 0)]
 
 
-@pytest.mark.parametrize(
-    ("result", "word"), [(UNSUPPORTED, "unsupported"), (4, "failed"),
-                         (42, "refused with result 42")],
-)  # fmt: skip
-def test_a_refusal_is_said_and_the_next_asked(play, result, word):
+def test_a_refusal_is_said_and_the_next_asked(play):
     play.due()
-    play.answer(result)
-    assert play.due() == ([("SYSTEM_TIME", 0)], 0, [f"system 1: ATTITUDE at 50 Hz: {word}"])
+    play.answer(42)
+    told = ["system 1: ATTITUDE at 50 Hz: refused with result 42"]
+    assert play.due() == ([("SYSTEM_TIME", 0)], 0, told)
 
 
-def test_a_rate_that_is_denied_is_stepped_down_until_it_is_taken(play):
+def test_answers_of_a_boat_whose_numbers_stand_still_are_no_repeats():
+    """It sends 0 in all frames: only its first answer counted, the others were asked for again."""
+    mav = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
+    requests = LinkRequests(Identity(), TWO)
+    (beat,) = decoded(dialect.MAVLink_heartbeat_message(11, 3, 0, 0, 4, 3).pack(mav))
+    requests = requests.take(beat, 0)
+    for _ in TWO:
+        requests = requests.due(0).requests
+        mav.seq = 0
+        ack = dialect.MAVLink_command_ack_message(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, ACCEPTED)
+        (answer,) = decoded(ack.pack(mav))
+        requests = requests.take(answer, 0)
+    assert [outcome.result for outcome in requests.outcomes] == ["accepted"]
+    assert requests.boats[BOAT].pending == ()
+
+
+@pytest.mark.parametrize("later", [False, True])
+def test_a_repeated_answer_is_still_no_answer_to_the_next_request(play, later):
+    play.due()
+    play.answer()
+    if later:
+        play.requests = play.requests.rebooted(BOAT, play.now)
+        play.due()
+        play.answer()
+    play.due()
+    play.sequence -= 1
+    play.answer()  # the same frame once more
+    assert play.requests.boats[BOAT].pending == ("SYSTEM_TIME",)
+
+
+@pytest.mark.parametrize("refusal", [DENIED, UNSUPPORTED, FAILED])
+def test_a_rate_that_is_refused_is_stepped_down_until_it_is_taken(play, refusal):
+    """PX4 says "failed" of a rate that it cannot have."""
     intervals = []
-    for result in (DENIED, DENIED, ACCEPTED):
+    for result in (refusal, refusal, ACCEPTED):
         said = play.requests.due(play.now)
         play.requests = said.requests
         intervals += [m.param2 for m in said.messages if m.get_type() == "COMMAND_LONG"]
@@ -152,7 +181,7 @@ def test_a_rate_that_is_denied_is_stepped_down_until_it_is_taken(play):
         play.answer(result)
     assert intervals == [20_000, 25_000, 40_000]
     assert play.due()[2] == [
-        "system 1: ATTITUDE at 25 Hz: accepted, 50 Hz denied: "
+        "system 1: ATTITUDE at 25 Hz: accepted, 50 Hz refused: "
         "values are up to 40 ms old instead of 20"
     ]
     play.answer()
@@ -164,11 +193,14 @@ def test_a_rate_that_is_denied_is_stepped_down_until_it_is_taken(play):
     assert [m.param2 for m in again if m.get_type() == "COMMAND_LONG"] == [20_000]
 
 
-def test_a_boat_that_denies_every_rate_is_left_at_last(play):
+@pytest.mark.parametrize(
+    ("refusal", "word"), [(DENIED, "denied"), (UNSUPPORTED, "unsupported"), (FAILED, "failed")]
+)
+def test_a_boat_that_refuses_every_rate_is_left_at_last(play, refusal, word):
     for _ in range(1 + len(STEPS_HZ)):
         play.due()
-        play.answer(DENIED)
-    assert play.due() == ([("SYSTEM_TIME", 0)], 0, ["system 1: ATTITUDE at 10 Hz: denied"])
+        play.answer(refusal)
+    assert play.due() == ([("SYSTEM_TIME", 0)], 0, [f"system 1: ATTITUDE at 10 Hz: {word}"])
 
 
 @pytest.mark.parametrize(
@@ -328,8 +360,9 @@ def test_a_link_that_recovers_is_not_held_against_the_boat(play):
 
 
 def test_what_was_refused_is_not_asked_again(play):
-    play.due()
-    play.answer(UNSUPPORTED)
+    for _ in range(1 + len(STEPS_HZ)):
+        play.due()
+        play.answer(UNSUPPORTED)
     play.due()
     play.answer()
     play.now += REPEAT_NS

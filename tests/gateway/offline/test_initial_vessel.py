@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from gateway.errors import BadInput, ShadowError
-from gateway.offline.vessel import check_size, init_vessel
+from gateway.ingest.open import open_log
+from gateway.offline.vessel import check_size, init_vessel, initial_notices
 from gateway.vessel_file import load_vessel
 from sim.model import Model
 from tests.gateway.pipelines.sailing import SERVOS, parameters, tlog, voyage
@@ -32,6 +33,15 @@ def test_actuators_come_from_the_parameters(tmp_path: Path) -> None:
     assert (right.name, right.servo.channel, right.servo.reversed) == ("right", 3, True)
     assert left.position[1] < 0.0 < right.position[1]  # port is to the left of the bow
     assert left.thrust[1] == 100.0
+
+
+def test_outputs_that_are_set_otherwise_in_the_log_are_told(tmp_path: Path) -> None:
+    once, again = servo(1, 73.0, REVERSED=0.0), servo(1, 73.0, REVERSED=1.0)
+    messages = [*parameters(once), *voyage(2.0), *((2.0, said) for _, said in parameters(again))]
+    (told,) = initial_notices(open_log(tlog(tmp_path / "boat.tlog", messages)))
+    assert told.startswith("SERVO1_REVERSED changes from 0 to 1 at ")
+    assert told.endswith("; this file has the last values")
+    assert initial_notices(open_log(log(tmp_path))) == []
 
 
 def test_the_boat_reaches_the_speed_that_was_given(tmp_path: Path) -> None:

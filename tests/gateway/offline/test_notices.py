@@ -7,6 +7,7 @@ import pytest
 
 from gateway.offline.notices import notices_of, outputs_set_otherwise, outputs_without_actuator
 from gateway.offline.trials import outputs_of
+from sim.trial import OutputsSet, Trial
 from sim.vessel import Servo
 from tests.sim.voyages import WAM_V, simulated
 
@@ -67,3 +68,31 @@ def test_of_outputs_whose_parameters_are_not_all_in_the_log_nothing_is_said() ->
     parameters = {f"SERVO1_{name}": value for name, value in known.items()}
     parameters |= {f"SERVO3_{name}": known[name] for name in ("FUNCTION", "MIN", "MAX")}
     assert outputs_of(parameters) == (Servo(1, (1000.0, 1500.0, 2000.0), reversed=True),)
+
+
+def turned_round(at: float) -> Trial:
+    """A voyage of 60 s whose first motor is reversed in the parameters from a time on."""
+    own = Servo(WAM_V.thrusters[0].servo.channel, (1100.0, 1500.0, 1900.0))
+    later = OutputsSet(at, "SERVO1_REVERSED changes from 0 to 1", (replace(own, reversed=True),))
+    return replace(simulated(WAM_V, 60.0), outputs=(own,), outputs_set=(later,))
+
+
+def test_an_output_set_otherwise_midway_is_told_as_that() -> None:
+    """It was "reversed in the autopilot's parameters, and not in the vessel file"."""
+    trial = turned_round(30.0)
+    told = notices_of([trial], WAM_V)
+    assert [n for n in told if "reversed in" in n] == []
+    text = "SERVO1_REVERSED changes from 0 to 1 at 30 s: a vessel file may hold before or after"
+    (line,) = [n for n in told if text in n]
+    assert line.startswith(f"{trial.name}: ")
+
+
+@pytest.mark.parametrize(("used", "reversed_"), [((0.0, 25.0), False), ((35.0, 60.0), True)])
+def test_of_one_side_of_the_change_only_its_own_parameters_count(
+    used: tuple[float, float], reversed_: bool
+) -> None:
+    trial = turned_round(30.0)
+    inside = (trial.time >= used[0]) & (trial.time < used[1])
+    told = notices_of([replace(trial, usable=trial.usable & inside)], WAM_V)
+    assert any("changes from" in n for n in told) is False
+    assert any("reversed in the autopilot" in n for n in told) is reversed_

@@ -39,11 +39,13 @@ from tests.gateway.ingest.scripted import (
     attitude,
     ekf_status,
     gps,
+    gps2,
     heartbeat,
     local_position,
     servo,
     vfr_hud,
 )
+from tests.gateway.ingest.test_parameters import parameter
 from tests.sim.voyages import WAM_V, simulated
 
 SPEED, RATE = 1.5, 0.1  # m/s, rad/s
@@ -169,6 +171,32 @@ def test_without_a_fix_nothing_is_usable() -> None:
     assert [(s.start, s.end) for s in stretches] == [pytest.approx((0.0, 20.0), abs=0.2)]
 
 
+def test_a_fix_of_the_second_receiver_is_one() -> None:
+    script = Script()
+    script.send(0.0, gps(100.0, 0))
+    script.send(0.0, gps2(100.0, 3))
+    circle(script, 100.0, 0.0, 20.0)
+    script.send(20.0, gps2(120.0, 1))
+    circle(script, 120.0, 20.0, 20.0)
+    stretches = [s for s in one(script).excluded if s.why == usable_time.NO_FIX]
+    assert [(s.start, s.end) for s in stretches] == [pytest.approx((20.0, 40.0), abs=0.2)]
+
+
+@pytest.mark.parametrize(("fix_then", "left_out"), [(1, []), (3, [(40.0, 60.0)])])
+def test_an_ekf_that_never_had_a_fix_does_without(
+    fix_then: int, left_out: list[tuple[float, float]]
+) -> None:
+    """By motion capture or a DVL; as live, where only a fix that was lost is missed."""
+    script = Script()
+    for start, fix in ((0.0, 1), (20.0, fix_then), (40.0, 1)):
+        script.send(start, ekf_status())
+        script.send(start, gps(100.0 + start, fix))
+        circle(script, 100.0 + start, start, 20.0)
+    stretches = [s for s in one(script).excluded if s.why == usable_time.NO_FIX]
+    found = [(s.start, s.end) for s in stretches]
+    assert found == [pytest.approx(span, abs=0.2) for span in left_out]
+
+
 def test_what_an_ill_filter_reports_judges_no_model() -> None:
     """From 20 to 30 s it has no velocity and says so: what it reports then is half of the truth."""
     script = Script()
@@ -189,6 +217,21 @@ def test_what_an_ill_filter_reports_judges_no_model() -> None:
     assert (stretch.start, stretch.end) == pytest.approx((20.0, 30.0), abs=0.2)
     off, taken = (np.abs(t.nu[t.usable, Nu.U] - SPEED).max() for t in (trial, blind))
     assert off < 0.2 < 0.5 < taken
+
+
+def test_outputs_that_are_set_otherwise_midway_are_known_with_their_time() -> None:
+    script = Script()
+    names = ("FUNCTION", "MIN", "TRIM", "MAX", "REVERSED")
+    for name, value in zip(names, (73.0, 1100.0, 1500.0, 1900.0, 0.0), strict=True):
+        script.send(0.0, parameter(f"SERVO1_{name}", value))
+    circle(script, 100.0, 0.0, 20.0)
+    script.send(20.0, parameter("SERVO1_REVERSED", 1.0))
+    circle(script, 120.0, 20.0, 20.0)
+    trial = one(script)
+    assert [servo.reversed for servo in trial.outputs] == [False]
+    (later,) = trial.outputs_set
+    assert later.start == pytest.approx(20.0, abs=0.1)
+    assert [servo.reversed for servo in later.outputs] == [True]
 
 
 def test_a_heading_that_stays_frozen_judges_no_model() -> None:

@@ -204,6 +204,17 @@ def test_a_boat_that_gives_degrees_alone_counts_from_its_first_place_for_good() 
     assert second.events.z[-1] == pytest.approx([11.1, 0.0], abs=0.1)
 
 
+def test_the_best_fix_of_all_receivers_holds() -> None:
+    boat = Boatswain()
+    for t, first, second in ((0.0, 1, 3), (1.0, 1, 1), (2.0, 4, 0)):
+        boat.hear(t, dialect.MAVLink_gps_raw_int_message(0, first, *PLACE, 0, 1, 1, 0, 0, 9))
+        more = dialect.MAVLink_gps2_raw_message(0, second, *PLACE, 0, 1, 1, 0, 0, 9, 0, 0)
+        boat.hear(t + 0.1, more)
+        heard = boat.hear(t + 0.2, attitude(t))
+        assert heard is not None
+        assert set(heard.gps_fix.tolist()) == {max(first, second)}
+
+
 def parameter(value: float, name: bytes = b"INS_GYRO_FILTER") -> Any:
     return dialect.MAVLink_param_value_message(name, value, 9, 1, 0)
 

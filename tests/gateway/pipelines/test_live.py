@@ -13,6 +13,7 @@ from gateway.links import Datagram, LinkEvent, LinkEventKind
 from gateway.live.boats import BoatPlan, Fleet, sender
 from gateway.recording.reader import Recording
 from gateway.recording.recorder import TICK_LINK
+from gateway.shadow.topic_rows import EventRow
 from gateway.simulated_boat import THIN, Faults, Reboot, Silence
 from sim.following.follower import ReferenceMode
 from sim.model import Model
@@ -337,6 +338,28 @@ def test_datagrams_that_wait_are_taken_in_one_go_and_give_the_same() -> None:
         assert together.payloads[topic] == alone.payloads[topic], topic
     assert {"shadow", "residual", "health", "event"} <= set(alone.payloads)
     assert {"started", "reboot"} <= set(together.events())
+
+
+def test_a_reboot_is_printed_once_and_not_the_jump_that_it_brings() -> None:
+    with Deck() as deck:
+        deck.hear(datagrams(played(19.0, faults=Faults(reboots=(Reboot(12.0, 1.0),)))))
+    lines = [str(line) for line in deck.told]
+    assert sum("the autopilot rebooted: the estimate begins anew" in line for line in lines) == 1
+    assert not any("the source jumped" in line or "started afresh" in line for line in lines)
+
+
+def test_breaks_of_the_estimate_are_printed_now_and_then() -> None:
+    """A source that jumps again and again is one line in ten seconds."""
+    with Deck() as deck:
+        deck.hear(datagrams(played(3.0)))
+        (boat,) = deck.gateway.fleet.boats.values()
+    times = [round(t * 1e9) for t in (1.0, 1.0, 5.0, 11.5, 12.0, 2.0)]
+    kinds = ("jump", "restart", "jump", "restart", "jump", "jump")
+    breaks = [
+        EventRow(at, at, kind, "warning", kind) for at, kind in zip(times, kinds, strict=True)
+    ]
+    told = [event.receive_time_ns for event in breaks if boat._is_new_break(event)]
+    assert told == [times[0], times[3], times[5]]  # the last one: the clock was set back
 
 
 def test_what_waits_in_the_inbox_is_handled_in_one_turn_up_to_an_event() -> None:
