@@ -129,7 +129,7 @@ LAYERS = {
     """,
     "gateway": """
         errors samples topics
-        files toml_file long_running kernels_ahead keelson json_rows result_json
+        files toml_file long_running kernels_ahead compiling keelson json_rows result_json
         user_effects estimation recording bus vessel_tables
         vessel_file vessel_questions number_keys ingest monitor
         links shadow plants

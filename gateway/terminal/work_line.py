@@ -8,7 +8,7 @@ from time import perf_counter
 
 from rich.text import Text
 
-from sim.kernel.compiled import compiling_s
+from gateway.compiling import compiling_s
 from sim.state import CountedStep
 
 QUIET_S = 10.0  # before this nobody asks how long it takes

@@ -14,7 +14,6 @@ from functools import lru_cache
 from importlib.util import find_spec, resolve_name
 from pathlib import Path
 from threading import Event
-from time import monotonic
 from typing import Any, TypeVar
 
 from numba import njit
@@ -143,33 +142,6 @@ def _compiled(function: F, inline: str) -> F:
     # nobody calls these from C: without that wrapper a tenth less is compiled
     jit = njit(cache=True, nogil=True, error_model="numpy", inline=inline, no_cfunc_wrapper=True)
     return compiled_once(jit(function))  # type: ignore[no-any-return]
-
-
-class _Watch(event.Listener):  # type: ignore[misc]
-    """Since when numba compiles without a break: one function compiles those that it calls, and
-    its lock lets one thread in at a time.
-    """
-
-    def __init__(self) -> None:
-        self.depth, self.since = 0, 0.0
-
-    def on_start(self, _: object) -> None:
-        self.since = self.since if self.depth else monotonic()
-        self.depth += 1
-
-    def on_end(self, _: object) -> None:
-        self.depth -= 1
-
-
-_WATCH = _Watch()
-event.register("numba:compile", _WATCH)
-
-
-def compiling_s() -> float:
-    """For how long by now a function has been compiled, or waited for while another process
-    compiles it [s]; 0 where nothing is: what is in the cache is loaded at once.
-    """
-    return monotonic() - _WATCH.since if _WATCH.depth else 0.0
 
 
 LOCK_TRIES, LOCK_WAIT_S = 300, 0.2  # a minute: longer than any function compiles

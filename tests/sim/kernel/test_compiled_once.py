@@ -4,12 +4,9 @@ import threading
 from pathlib import Path
 
 import pytest
-from numba import TypingError, njit
-from numba.core.typing import signature
-from numba.extending import intrinsic
 
 from sim.kernel import compiled as module
-from sim.kernel.compiled import compiled_once, compiling_s
+from sim.kernel.compiled import compiled_once
 
 fcntl = pytest.importorskip("fcntl")
 
@@ -43,10 +40,8 @@ def test_it_waits_for_the_process_that_compiles_the_same(
         fcntl.flock(held, fcntl.LOCK_EX)
         other = started(dispatcher)
         assert not dispatcher.entered.wait(0.2)
-        assert compiling_s() >= 0.1
     assert dispatcher.entered.wait(20.0)
     other.join()
-    assert compiling_s() == 0.0
 
 
 def test_a_process_that_was_stopped_holds_up_the_others_for_a_while_only(
@@ -68,30 +63,3 @@ def test_where_no_file_can_be_made_each_compiles_for_itself(tmp_path: Path) -> N
 def test_without_compiling_a_function_stays_as_it_is() -> None:
     """`NUMBA_DISABLE_JIT=1` gives no dispatcher but the function: to step through it, say."""
     assert compiled_once(abs) is abs
-
-
-def test_what_is_compiled_is_told_while_it_is_and_what_is_there_already_is_not() -> None:
-    told = []
-
-    @intrinsic
-    def law(context: object, x: object) -> object:  # asked while numba compiles who calls it
-        told.append(compiling_s())
-        return signature(x, x), lambda context, builder, call, arguments: arguments[0]
-
-    @njit
-    def caller(x: float) -> float:
-        return law(x)
-
-    for _ in range(2):
-        assert caller(1.0) == 1.0
-        assert compiling_s() == 0.0
-    assert told
-    assert min(told) > 0.0
-
-    @njit
-    def broken(x: float) -> float:
-        return x.no_such_thing  # type: ignore[attr-defined]
-
-    with pytest.raises(TypingError):
-        broken(1.0)
-    assert compiling_s() == 0.0
