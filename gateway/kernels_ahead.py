@@ -49,8 +49,8 @@ def _started(structures: Iterable[Structure]) -> subprocess.Popen[bytes] | None:
     """The process that compiles them; None where it cannot be started, or told what to do."""
     try:
         order = pickle.dumps([pickle.dumps(s) for s in structures])
-        child = subprocess.Popen(
-            [sys.executable, "-m", "gateway.kernels_ahead"], stdin=subprocess.PIPE,
+        child = subprocess.Popen(  # -P: a folder `sim` of the user's is not what is imported
+            [sys.executable, "-P", "-m", "gateway.kernels_ahead"], stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
         )  # fmt: skip
     except (OSError, pickle.PicklingError, AttributeError):  # effects made where no import finds
@@ -82,7 +82,8 @@ def main() -> None:
 
 
 def _end_with_parent() -> None:
-    sys.stdin.buffer.read()
+    """Not by `sys.stdin`: who ends while another thread reads from that is aborted."""
+    os.read(sys.stdin.fileno(), 1)
     os._exit(0)
 
 

@@ -43,7 +43,7 @@ def started(monkeypatch):
 def test_another_process_compiles_what_this_one_then_loads(empty, started) -> None:
     with ahead.compiled_ahead([PLAIN, CURRENT]):
         (child,) = started
-        child.wait(timeout=200)
+        assert child.wait(timeout=200) == 0
     assert is_kept(PLAIN)
     assert is_kept(CURRENT)
     kernel = kernel_for(CURRENT)
@@ -51,6 +51,19 @@ def test_another_process_compiles_what_this_one_then_loads(empty, started) -> No
     for entry in (kernel.module.rollout, kernel.module.true_states, kernel.module.missing_force):
         assert sum(entry.stats.cache_hits.values()) == 1
         assert not entry.stats.cache_misses
+
+
+def test_what_lies_where_it_is_started_is_not_run(empty, tmp_path, monkeypatch) -> None:
+    """Modules of the same names in the user's folder are the user's, or somebody else's."""
+    for name in ("sim", "gateway", "numpy"):
+        (tmp_path / f"{name}.py").write_text("open('was_run', 'w').close()\n", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    child = ahead._started([PLAIN])
+    assert child is not None
+    assert child.wait(timeout=200) == 0
+    child.communicate()
+    assert is_kept(PLAIN)
+    assert not (tmp_path / "was_run").exists()
 
 
 def test_it_ends_with_what_it_was_started_for_however_far_it_is(empty, started) -> None:
