@@ -4,6 +4,8 @@ from time import monotonic
 
 from numba.core import event
 
+from sim.kernel.compiled import COMPILED_ELSEWHERE
+
 
 class _Watch(event.Listener):  # type: ignore[misc]
     """Since when numba compiles without a break: one function compiles those that it calls, and
@@ -22,7 +24,8 @@ class _Watch(event.Listener):  # type: ignore[misc]
 
 
 _WATCH = _Watch()
-event.register("numba:compile", _WATCH)
+for _kind in ("numba:compile", COMPILED_ELSEWHERE):
+    event.register(_kind, _WATCH)
 
 
 def compiling_s() -> float:

@@ -144,6 +144,7 @@ def _compiled(function: F, inline: str) -> F:
     return compiled_once(jit(function))  # type: ignore[no-any-return]
 
 
+COMPILED_ELSEWHERE = "shadow:compiled-elsewhere"  # kind of event, while another process is awaited
 LOCK_TRIES, LOCK_WAIT_S = 300, 0.2  # a minute: longer than any function compiles
 
 
@@ -162,7 +163,7 @@ def _one_process_at_a_time(file: Path) -> Iterator[None]:
         yield
         return
     with lock:
-        with event.trigger_event("numba:compile"):  # so long as another one does
+        with event.trigger_event(COMPILED_ELSEWHERE):
             for _ in range(LOCK_TRIES):
                 try:
                     fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
