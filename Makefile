@@ -1,7 +1,7 @@
 # make demo      set up and run the main job on recordings that ship
 # make hil-demo  the same with an autopilot in the loop; AUTOPILOT=PATH is ardurover for SITL
 # make test      set up and run checks and tests
-# make test-slow set up and run what takes long: calculations on two cores, then the rest alone
+# make test-slow set up and run what takes long: what runs alone, then calculations on two cores
 # make fuzz      damaged files and packets against every parser, a minute each; MINUTES=10 for ten
 # make docs      the documentation as a site, with search: out/site/index.html
 PYTHON ?= python3
@@ -33,9 +33,9 @@ test: $(READY)
 
 test-slow: $(READY) chromium
 	@failed=0; \
-	$(RUN)/pytest -q -m "slow and not alone" -n 2 --dist loadfile --no-loadscope-reorder \
-		|| failed=1; \
 	SHADOW_BROWSER=$$([ "$$(id -u)" != 0 ] || echo required) $(RUN)/pytest -q -m alone \
+		|| failed=1; \
+	$(RUN)/pytest -q -m "slow and not alone" -n 2 --dist loadfile --no-loadscope-reorder \
 		|| failed=1; \
 	exit $$failed
 
