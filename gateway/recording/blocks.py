@@ -142,12 +142,14 @@ def _unpacked(stream: IO[bytes], span: Span, room: int, indexed: int | None) -> 
         if chunk.compression == "zstd":  # what the packed data themselves ask for goes first
             asked = zstandard.get_frame_parameters(chunk.data).content_size
             if asked != zstandard.CONTENTSIZE_UNKNOWN:  # of a stream, which gets `size` at most
-                size = max(size, asked)
+                size = asked
         if size > room:
             raise BadInput(
                 f"it unpacks to more than {MAX_EXPANSION} times its size (MAX_EXPANSION): "
                 "no recording does"
             )
+        if size != chunk.uncompressed_size:
+            return None
         if chunk.compression == "lz4":
             unpacked = LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
             whole = chunk.uncompressed_crc in (0, zlib.crc32(unpacked)) and len(unpacked) == size

@@ -107,6 +107,16 @@ def test_no_damaged_byte_takes_more_than_its_chunk(small: Whole) -> None:
         assert count == small.messages or recording.damage
 
 
+def test_a_damaged_size_is_no_bomb_also_where_no_index_tells_the_true_one(small: Whole) -> None:
+    """Of a recording that was cut off: the packed data say themselves how much they unpack to."""
+    cut = bytearray(small.data[: small.chunks[4].start])
+    cut[small.chunks[2].start + 20] ^= 0x55  # of the size: two times of eight bytes are before it
+    path = small.write(bytes(cut))
+    assert (damage := Recording.open(path).damage).chunks == 1
+    assert 0 < messages(path) < small.messages
+    assert "1 of 4 chunks is damaged and left out" in damage.text()
+
+
 def test_a_chunk_with_a_damaged_byte_is_left_out_and_told(whole: Whole) -> None:
     chunk = whole.chunks[2]
     path = whole.flipped(chunk.end - 20)
