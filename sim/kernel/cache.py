@@ -126,17 +126,21 @@ def _load(file: Path, s: Structure, jit: Jit, entry: Jit) -> ModuleType:
     for e, effect in enumerate(s.effects):
         module.__dict__[f"P{e}"] = _numbers_class(numbers_of(effect))
         for place, law in effect.laws.items():
-            module.__dict__[f"{place}_{e}"] = jit(law)
+            module.__dict__[f"{place}_{e}"] = _law(jit, law)
     sys.modules[file.stem] = module  # numba finds a function's home there when it loads its cache
     spec.loader.exec_module(module)
     return module
 
 
 @lru_cache(maxsize=1024)
+def _law(jit: Jit, law: Callable[..., Any]) -> Any:
+    """A law of an effect: the same in all kernels, so that it is compiled once."""
+    return jit(law)
+
+
+@lru_cache(maxsize=1024)
 def _numbers_class(names: tuple[str, ...]) -> type:
-    """Numbers of an effect as its laws take them: of one class in all kernels, so that a law is
-    compiled once.
-    """
+    """Numbers of an effect as its laws take them: of one class in all kernels, as the laws are."""
     return namedtuple("EffectNumbers", names)
 
 
@@ -166,7 +170,6 @@ class Kernel(NamedTuple):
     compiled: bool
 
 
-@lru_cache(maxsize=1024)  # laws and what they call are the same in all kernels
 def _jit(function: Callable[..., Any]) -> Any:
     """For what only compiled code calls: without the wrappers for Python it compiles faster.
 

@@ -133,3 +133,14 @@ def test_no_import_of_any_source_is_missed_where_imports_alone_are_read():
 )
 def test_imports_written_otherwise_are_read_too(text: str):
     assert {"sim.body", "sim.state"} <= compiled.dependencies(text)
+
+
+def test_a_law_and_its_numbers_are_the_same_in_all_kernels():
+    """So that it is compiled once in a process, whatever stands beside it."""
+    wind = added(steady_wind.EFFECT)
+    alone = Model.of(WAMV.with_effects(wind), not_yet_compiled).kernel
+    among = Model.of(with_every_effect(WAMV), not_yet_compiled).kernel
+    place = [effect.name for effect in among.structure.effects].index("steady_wind")
+    assert place > 0
+    assert alone.module.force_0 is getattr(among.module, f"force_{place}")
+    assert alone.module.P0 is getattr(among.module, f"P{place}")
