@@ -273,6 +273,22 @@ def _times(table: TextTable, plan: CsvMapping) -> Times:
 SOURCE = "CSV"
 
 
+REPEATED_SHARE = 0.9  # of rows with the time of the row before, that say the same as it
+
+
+def repeated_rows(time_s: Floats, columns: Mapping[str, Floats]) -> NDArray[np.bool_]:
+    """Rows (K,) that a writer wrote twice: nearly all that have the time of the row before say the
+    same as it. One or the other that does is of a boat that lay still.
+    """
+    same_time = np.append(False, time_s[1:] == time_s[:-1])
+    same = [
+        (column[1:] == column[:-1]) | (np.isnan(column[1:]) & np.isnan(column[:-1]))
+        for column in columns.values()
+    ]
+    again = same_time & np.append(False, np.all(same, axis=0))
+    return again if again.sum() >= REPEATED_SHARE * same_time.sum() else np.zeros_like(again)
+
+
 @dataclass(frozen=True)
 class CsvLog(Log):
     """An opened table: the columns that its mapping names, row by row of known time."""
@@ -319,16 +335,18 @@ class CsvLog(Log):
         if is_descending(time):
             time, values = time[::-1], {name: column[::-1] for name, column in values.items()}
             notes = (*notes, "its last row comes first: rows are read in the order of their times")
-        known = np.abs(time) < LATEST_S  # NaN is not
+        timed = np.abs(time) < LATEST_S  # NaN is not
+        again = repeated_rows(time, values)
+        known = timed & ~again
         repaired = repair_time(time[known])
         kept = repaired.time_s
         check_steps(file, plan.time_column, plan.time_unit, kept)
-        timeless = counted(int((~known).sum()), "row")
-        absent = () if known.all() else (f"{timeless} without a time left out",)
+        timeless = counted(int((~timed).sum()), "row")
+        absent = () if timed.all() else (f"{timeless} without a time left out",)
         statistics = Statistics(
             size_bytes=size,
             accepted=len(kept),
-            duplicates=int((np.diff(kept) == 0).sum()),
+            duplicates=int(again.sum()) + int((np.diff(kept) == 0).sum()),
             time_backwards=int((np.diff(time[known][repaired.kept]) < 0).sum()),
             notes=(*notes, *absent, *damaged, *repaired.notes, *about_steps(kept, plan.time_unit)),
         )

@@ -23,10 +23,10 @@ surge = { column = "speed", unit = "m/s" }
 """
 
 
-def table_of(folder: Path, times: list[str]) -> CsvLog:
-    """A table with such times."""
+def table_of(folder: Path, times: list[str], each: int = 1) -> CsvLog:
+    """A table with such times, every row written so often."""
     (folder / "run.toml").write_text(MAPPING)
-    rows = "".join(f"{time},{k % 360},2\n" for k, time in enumerate(times))
+    rows = "".join(f"{time},{k % 360},2\n" * each for k, time in enumerate(times))
     (folder / "run.csv").write_text("t,heading,speed\n" + rows)
     log = open_log(folder / "run.csv")
     assert isinstance(log, CsvLog)
@@ -114,6 +114,15 @@ def test_rows_of_one_hertz_and_of_repeated_times_stay_as_they_are(tmp_path: Path
     assert log.time_s.tolist() == list(range(40))
     twice = [f"{0.1 * (k // 2):.1f}" for k in range(40)]
     assert table_of(tmp_path, twice).statistics.duplicates == 20
+
+
+def test_rows_that_were_written_twice_are_not_spread(tmp_path: Path) -> None:
+    """Of 1 Hz every row twice is no 2 Hz."""
+    log = table_of(tmp_path, [str(k) for k in range(40)], each=2)
+    assert log.time_s.tolist() == list(range(40))
+    assert log.columns["heading"].tolist() == list(range(40))
+    assert log.statistics.duplicates == 40
+    assert log.statistics.notes == ()
 
 
 def test_whole_seconds_are_not_taken_for_a_smoothed_rate(tmp_path: Path) -> None:
