@@ -124,14 +124,12 @@ def kernels_of_a_diagnosis(vessel: Vessel, effects: Iterable[Effect]) -> list[St
     some = possible_beside(vessel, effects)
     off = switched_off(some)
     names = {a.effect.name for a in off}
-    apart = [AddedEffect(e, {p.name: p.start for p in e.parameters}) for e in some
-             if e.name not in names]  # fmt: skip
-    curves = [a for a in apart if a.effect.is_curve]
-    wholes = [[*off, a] for a in apart if not a.effect.is_curve]
-    return [
-        structure_of(vessel.with_effects(*them))
-        for them in ([], off, *wholes, *([c] for c in curves))
+    apart = [
+        AddedEffect(e, {p.name: p.start for p in e.parameters}) for e in some if e.name not in names
     ]
+    curves = [[one] for one in apart if one.effect.is_curve]
+    wholes = [[*off, one] for one in apart if not one.effect.is_curve]
+    return [structure_of(vessel.with_effects(*added)) for added in ([], off, *wholes, *curves)]
 
 
 def _is_measured(effect: Effect, trials: Sequence[Trial]) -> bool:

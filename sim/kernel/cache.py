@@ -232,7 +232,7 @@ def _check_laws(kernel: Kernel, names: str) -> None:
 
 
 def compile_entries(kernel: Kernel) -> None:
-    """Compile what identification and diagnosis call of a kernel, which gave no rows to work on."""
+    """Compile what identification and diagnosis call beside free runs, by calls without rows."""
     s = kernel.structure
     theta = np.ones((1, sum(size for _, _, size in s.tuples)))
     none, commands = np.zeros((0, 9)), np.zeros((0, s.actuators))

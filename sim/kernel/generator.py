@@ -184,13 +184,11 @@ def _unpack(s: Structure, plain: bool) -> str:
         text += f"\n# P{e}: {', '.join(numbers_of(effect))} of {effect.name}"
     text += _class("Switches", [(name, "bool") for name in s.switches()])
     for field, kind, count in s.tuples:
-        if kind in ("ThrusterParameters", "RudderParameters"):
-            values = [f"theta[{k}]" for k in range(at, at + count)]
-            lines.append(f"{field} = {kind}({', '.join([f'{field[1:]}.0', *values])})")
-        else:
-            lines.append(
-                f"{field} = " + (f"numbers_at(theta, {at}, {kind})" if count else f"{kind}(0.0)")
-            )
+        made = f"numbers_at(theta, {at}, {kind})" if count else f"{kind}(0.0)"
+        if kind in ("ThrusterParameters", "RudderParameters"):  # which know their own place
+            values = [f"{field[1:]}.0", *(f"theta[{k}]" for k in range(at, at + count))]
+            made = f"{kind}({', '.join(values)})"
+        lines.append(f"{field} = {made}")
         at += count
     text += _class(
         "Numbers", [*((field, kind) for field, kind, _ in s.tuples), ("skip", "Switches")]
