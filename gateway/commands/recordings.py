@@ -107,8 +107,8 @@ def init(
 
     given = _size(length, beam, mass, thrust, top_speed)
     with guarded_outputs("init", [log, mapping], [named_as(out, ".toml")], force):
-        made = init_vessel(log, out, name, given, system, anyway, mapping)
-    opened = open_log(log, mapping)
+        opened = open_log(log, mapping)
+        made = init_vessel(opened, out, name, given, system, anyway)
     notices = initial_notices(opened, system)
 
     def show() -> None:

@@ -170,12 +170,12 @@ class LaneSwitch(NamedTuple):
         return f"the autopilot's EKF switches from lane {self.before} to lane {self.after}"
 
 
-def lanes_notice(switches: Sequence[LaneSwitch], start_ns: int) -> tuple[str, ...]:
-    """That the filter switched, with seconds of receipt after a start; nothing without that."""
+def lanes_notice(switches: Sequence[LaneSwitch], log: "Log") -> tuple[str, ...]:
+    """That the filter switched, with the seconds of `info --events`; nothing without that."""
     if not switches:
         return ()
     more = f", the first of {len(switches)} times" if len(switches) > 1 else ""
-    at = (switches[0].receive_time_ns - start_ns) * 1e-9
+    at = (switches[0].receive_time_ns - log_start_ns(log)) * 1e-9
     return (f"{switches[0]} at {at:.0f} s of the log{more}: the lane in use is read, and time "
             "around each switch is left out",)  # fmt: skip
 
@@ -263,7 +263,7 @@ class Log(ABC):
 
 
 def log_start_ns(log: Log) -> int:
-    """Receipt of the first message [ns]: seconds of a log count from there."""
+    """Receipt of the first message [ns]: seconds of a log count from there. Decodes all tables."""
     receipts = [log.table(name).receive_time_ns for name in log.counts()]
     return min((int(times.min()) for times in receipts if len(times)), default=0)
 

@@ -82,9 +82,11 @@ def _differ(before: list[Actuator], after: list[Actuator]) -> bool:
 
 def outputs_notice(log: Log, boat: Boat) -> tuple[str, ...]:
     """That outputs are set otherwise inside a log, with the seconds of `info --events`."""
-    found, start = [one.change for one in outputs_changes(log, boat)], log_start_ns(log)
-    text = changes_text([((c.receive_time_ns - start) * 1e-9, str(c)) for c in found])
-    return (text,) if text else ()
+    found = [one.change for one in outputs_changes(log, boat)]
+    if not found:
+        return ()
+    start = log_start_ns(log)
+    return (changes_text([((c.receive_time_ns - start) * 1e-9, str(c)) for c in found]),)
 
 
 def changes_text(changes: Sequence[tuple[float, str]]) -> str:

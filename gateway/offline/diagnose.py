@@ -287,10 +287,9 @@ def diagnose_logs(
     if not improve:
         settings = replace(settings, most=1)
     boat = load_vessel(vessel, more)
-    names = ", ".join(str(log) for log in logs)
-    with compiled_ahead(kernels_of_a_diagnosis(boat, settings.effects)):
-        trials = [chosen(trial) for trial in usable_trials(logs, options, progress)]
-        diagnosis = diagnosed_trials(trials, boat, settings, names, progress, vessel)
+    trials, diagnosis = diagnose_trials(
+        logs, boat, settings, file=vessel, options=options, chosen=chosen, progress=progress
+    )
     notice = (
         f"{Path(vessel).name}: its base numbers were guessed: they may be off by as much again "
         "(--prior says else)"
@@ -309,15 +308,16 @@ def diagnose_trials(
     *,
     file: str | Path | None = None,
     options: TrialOptions = DIAGNOSIS_TRIALS,
+    chosen: Callable[[Trial], Trial] = lambda trial: trial,
     progress: Progress = lambda text: None,
 ) -> tuple[list[Trial], Diagnosis]:
     """Trials with usable time, and their diagnosis; BadInput where there can be none.
 
-    `file`: where the vessel was read from.
+    `file`: where the vessel was read from; `chosen`: see `diagnose_logs`.
     """
     names = ", ".join(str(log) for log in logs)
     with compiled_ahead(kernels_of_a_diagnosis(boat, settings.effects)):
-        trials = usable_trials(logs, options, progress)
+        trials = [chosen(trial) for trial in usable_trials(logs, options, progress)]
         return trials, diagnosed_trials(trials, boat, settings, names, progress, file)
 
 

@@ -18,7 +18,7 @@ from gateway.errors import BadInput
 from gateway.files import write_whole
 from gateway.ingest.log import Log, choose_floating
 from gateway.ingest.mapping import THRUST_FUNCTIONS, Actuator, OutputFunction, actuators
-from gateway.ingest.open import open_log, takes_mapping
+from gateway.ingest.open import takes_mapping
 from gateway.ingest.parameter_changes import outputs_notice
 from gateway.number_keys import file_key
 from gateway.toml_file import MAX_TOLD, explain, shortened
@@ -74,32 +74,31 @@ class BoatSize:
 
 
 def init_vessel(
-    log_path: Path,
+    log: Log,
     out: Path,
     name: str | None,
     given: Mapping[str, float],
     system: int | None = None,
     anyway: bool = False,
-    mapping: Path | None = None,
 ) -> VesselFile:
     """Write an initial vessel file for the boat of a log -> what was written.
 
     `given` holds members of `BoatSize`; the others are assumed.
     """
     check_size(given)
-    log = open_log(log_path, mapping)
     parameters = log.parameters(choose_floating(log, system, anyway))
-    if not parameters and takes_mapping(log_path):
+    if not parameters and takes_mapping(log.path):
         raise BadInput(
-            f"{log_path}: a table holds no parameters of the autopilot: give init a log of its "
+            f"{log.path}: a table holds no parameters of the autopilot: give init a log of its "
             "own, or copy a file from configs/vessels and enter the channels"
         )
     if not parameters:
         raise BadInput(
-            f"{log_path}: no parameters in it (PARAM_VALUE, PARM): record from boot or fetch "
+            f"{log.path}: no parameters in it (PARAM_VALUE, PARM): record from boot or fetch "
             "them with the ground station, or copy a file from configs/vessels"
         )
-    text = first_vessel(log_path, name or name_after(log_path), actuators(parameters), given)
+    path = Path(log.path)
+    text = first_vessel(path, name or name_after(path), actuators(parameters), given)
     write_whole(out, text.encode(), "the vessel file")
     return read_vessel_file(out)
 

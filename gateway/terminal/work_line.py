@@ -41,7 +41,7 @@ class WorkLine:
         """The line as it is now."""
         seconds, step = self.seconds, f": {self._now}" if self._now else ""
         if compiling_s() > COMPILES_S:
-            step += " (compiling, once on this machine)"
+            step += " (compiling, kept for the next time)"
         if seconds < QUIET_S:
             return Text(f"{self._what}{step}")
         return Text(f"{self._what}{step}{self._left()} ({duration(seconds)} so far)")

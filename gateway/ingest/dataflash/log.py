@@ -37,7 +37,6 @@ from gateway.ingest.log import (
     decode_tables,
     frozen,
     lanes_notice,
-    log_start_ns,
     numbers,
 )
 from gateway.ingest.mapping import banner
@@ -165,8 +164,7 @@ class DataflashLog(Log):
         samples = tuple(self._without_bias(s, in_use) for s in decoded.samples)
         times = decoded.times_at(in_use.order)
         switches = in_use.switches(in_use.receive_time_ns if times is None else times)
-        told = lanes_notice(switches, log_start_ns(self))
-        notices = (*decoded.notices, *told)
+        notices = (*decoded.notices, *lanes_notice(switches, self))
         return replace(decoded, samples=samples, lane_switches=switches, notices=notices)
 
     def _without_bias(self, samples: Samples, in_use: LanesInUse) -> Samples:

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from gateway.errors import BadInput, ShadowError
+from gateway.ingest.log import Log
 from gateway.ingest.open import open_log
 from gateway.offline.vessel import check_size, init_vessel, initial_notices
 from gateway.vessel_file import load_vessel
@@ -14,8 +15,8 @@ from tests.gateway.pipelines.sailing import SERVOS, parameters, tlog, voyage
 SIZE = {"length": 2.0, "beam": 1.0, "mass": 80.0, "thrust": 100.0, "top_speed": 2.5}
 
 
-def log(folder: Path, values: dict[str, float] = SERVOS) -> Path:
-    return tlog(folder / "boat.tlog", [*parameters(values), *voyage(2.0)])
+def log(folder: Path, values: dict[str, float] = SERVOS) -> Log:
+    return open_log(tlog(folder / "boat.tlog", [*parameters(values), *voyage(2.0)]))
 
 
 def servo(channel: int, function: float, **more: float) -> dict[str, float]:
@@ -41,7 +42,7 @@ def test_outputs_that_are_set_otherwise_in_the_log_are_told(tmp_path: Path) -> N
     (told,) = initial_notices(open_log(tlog(tmp_path / "boat.tlog", messages)))
     assert told.startswith("SERVO1_REVERSED changes from 0 to 1 at ")
     assert told.endswith("; this file has the last values")
-    assert initial_notices(open_log(log(tmp_path))) == []
+    assert initial_notices(log(tmp_path)) == []
 
 
 def test_the_boat_reaches_the_speed_that_was_given(tmp_path: Path) -> None:
@@ -103,7 +104,7 @@ def test_four_motors_stand_at_the_corners(tmp_path: Path) -> None:
     }
 
 
-def refused(folder: Path, source: Path, given: dict[str, float] | None = None) -> str:
+def refused(folder: Path, source: Log, given: dict[str, float] | None = None) -> str:
     """What is said; no file is left."""
     out = folder / "never.toml"
     with pytest.raises(BadInput) as caught:
@@ -114,7 +115,7 @@ def refused(folder: Path, source: Path, given: dict[str, float] | None = None) -
 
 
 def test_a_log_without_parameters_says_how_to_get_them(tmp_path: Path) -> None:
-    says = refused(tmp_path, tlog(tmp_path / "bare.tlog", voyage(2.0)))
+    says = refused(tmp_path, open_log(tlog(tmp_path / "bare.tlog", voyage(2.0))))
     assert "bare.tlog: no parameters in it" in says
 
 

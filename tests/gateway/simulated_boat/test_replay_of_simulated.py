@@ -9,6 +9,7 @@ import pytest
 from gateway.config import Settings, ZenohSettings
 from gateway.ingest.log import choose_boat
 from gateway.ingest.mapping import actuators
+from gateway.ingest.open import open_log
 from gateway.offline.replay import ReplayOptions, replay
 from gateway.offline.vessel import init_vessel
 from gateway.simulated_boat import FAST, THIN, SimulatedBoatSettings
@@ -70,7 +71,7 @@ def test_a_first_vessel_comes_from_what_the_boat_says_of_its_outputs(tmp_path, p
     vessel = load_vessel(path)
     log = tmp_path / "simulated.tlog"
     log.write_bytes(records(frames_of(SimulatedBoat(vessel), 5.0)))
-    init_vessel(log, tmp_path / "first.toml", None, {})
+    init_vessel(open_log(log), tmp_path / "first.toml", None, {})
     first = load_vessel(tmp_path / "first.toml")
     assert {a.servo for a in first.thrusters} == {a.servo for a in vessel.thrusters}
     assert {a.servo for a in first.rudders} == {a.servo for a in vessel.rudders}

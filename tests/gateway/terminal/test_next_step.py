@@ -50,7 +50,7 @@ def test_init_is_suggested_where_parameters_name_the_motors_and_it_works(tmp_pat
     log = ROOT / "recordings" / "voyage_1.tlog"
     words = shlex.split(next_step(survey(open_log(log))))
     assert words == ["shadow", "init", str(log), "--out", "boat.toml"]
-    assert init_vessel(log, tmp_path / "boat.toml", None, {}).thrusters
+    assert init_vessel(open_log(log), tmp_path / "boat.toml", None, {}).thrusters
 
 
 def test_a_table_is_compared_with_its_mapping_and_its_path_is_quoted(tmp_path: Path) -> None:

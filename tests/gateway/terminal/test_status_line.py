@@ -90,7 +90,7 @@ def test_what_takes_long_once_only_is_said(clock: Clock, monkeypatch: pytest.Mon
     monkeypatch.setattr(work_line, "compiling_s", lambda: 0.9)
     assert shown(line) == "diagnosing: re-fitting the base"
     monkeypatch.setattr(work_line, "compiling_s", lambda: 1.1)
-    assert shown(line) == "diagnosing: re-fitting the base (compiling, once on this machine)"
+    assert shown(line) == "diagnosing: re-fitting the base (compiling, kept for the next time)"
 
 
 def test_no_time_is_made_up_for_the_next_round(clock: Clock) -> None:
