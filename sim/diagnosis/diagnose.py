@@ -18,6 +18,7 @@ from sim.diagnosis.fit_problem import FitProblem, SupersetModel
 from sim.diagnosis.free_curve import FREE_FORMS, FreeCurve, find_free_curve
 from sim.diagnosis.generality import doubt_of, unseen_headings
 from sim.diagnosis.heldout import HeldOutScorer, RankedEffect, gain
+from sim.diagnosis.in_a_sea import is_in_a_sea, search_beside_waves
 from sim.diagnosis.ladder import EffectSearch, Selection
 from sim.diagnosis.more_room import (
     is_simpler,
@@ -155,7 +156,7 @@ def _diagnosed(
         superset, effects.shown, settings.most, progress, mapper, HeldOutScorer.of(trials, plain),
         effects.unshown,
     )  # fmt: skip
-    selection, on_times = _with_times_in_a_sea(search.run(base), search)
+    selection, on_times = _with_times_in_a_sea(_selected(search, base), search)
     progress("what is left")
     search = replace(search, scorer=search.scorer.shared_with(selection.fit))
     found = Findings.of(selection, search, plain, trials)
@@ -309,6 +310,20 @@ def fit_base(
     unknowns = unknowns_for(superset, [], len(trials), how)
     problem = FitProblem.of(vessel, trials, unknowns, shot.z, shot.noise, how)
     return fit_effects([], unknowns, problem, shot.z)
+
+
+def _selected(search: EffectSearch, base: Fit) -> Selection:
+    """The search's selection; in a sea that of a search beside the waves.
+
+    The first look may see a sea at once. Where a larger cause hid it the end of the search does.
+    """
+    first, more = search.ranked(base, [])
+    if not is_in_a_sea(first.best.fit if more else base):
+        selection = search.run(base, first, more)
+        if not is_in_a_sea(selection.fit):
+            return selection
+        first = selection.first
+    return search_beside_waves(search, base, first)
 
 
 def _with_times_in_a_sea(selection: Selection, search: EffectSearch) -> tuple[Selection, str]:

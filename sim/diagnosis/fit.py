@@ -166,10 +166,11 @@ class Fit:
         """With the noise that the fit leaves, starts linearised anew."""
         return self.problem_under(self.noise)
 
-    def problem_under(self, noise: Sequence[Noise]) -> FitProblem:
+    def problem_under(self, noise: Sequence[Noise], like: "Fitted | None" = None) -> FitProblem:
         """The same under a noise of each trial, that of another model perhaps."""
-        old = self.problem
-        return FitProblem.of(old.vessel, old.trials, self.unknowns, self.z, noise, old.settings)
+        old, like = self.problem, like or self
+        new = FitProblem.of(old.vessel, old.trials, self.unknowns, self.z, noise, old.settings)
+        return new.under_colour_of(like.unknowns, like.z) if old.is_coloured else new
 
     def model(self, trial: int = 0) -> Model:
         """The vessel with these effects and numbers, as on one trial."""

@@ -25,6 +25,7 @@ from sim.identification.search import start_points
 from sim.identification.shooting import (
     FitInputs,
     build_run_set,
+    coloured_runs,
     deviance_of_runs,
     noise_of_runs,
 )
@@ -198,6 +199,20 @@ class FitProblem:
         if unknowns.model.kernel is self.run_sets[0].model.kernel:
             return self.run_sets
         return tuple(_with_model(runs, unknowns, z) for runs in self.run_sets)
+
+    @property
+    def is_coloured(self) -> bool:
+        """Whether its residuals are under a colour."""
+        chains = (runs.chain for runs in self.run_sets)
+        return any(chain is not None and chain.colour is not None for chain in chains)
+
+    def under_colour_of(self, unknowns: Unknowns, z: Floats) -> "FitProblem":
+        """The same under the colour of what a model with numbers z (n,) leaves of each trial."""
+        run_sets = self.run_sets_for(unknowns, z)
+        coloured = [coloured_runs(w, unknowns, z) for w in run_sets]
+        chains = (w.chain for w in coloured)
+        own = (replace(w, chain=c) for w, c in zip(self.run_sets, chains, strict=True))
+        return replace(self, run_sets=tuple(own))
 
     def noise_of(self, unknowns: Unknowns, z: Floats) -> tuple[Noise, ...]:
         """Of each trial, as a model with numbers z (n,) leaves it."""

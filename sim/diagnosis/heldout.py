@@ -335,7 +335,7 @@ def _rank_finalists(
 ) -> Ranking:  # fmt: skip
     """The finalists under the noise that one of them leaves."""
     noise = reference.problem.noise_of(leader.unknowns, leader.z)
-    problem = reference.problem_under(noise)
+    problem = reference.problem_under(noise, leader)
 
     def whole(r: ScreeningResult | None) -> tuple[Fit, Floats]:
         """With one of them, or none, and what is left of held-out time."""

@@ -56,9 +56,11 @@ class Selection:
 class EffectSearch(LikelihoodSearch):
     """From the bare base to the effects that are justified."""
 
-    def run(self, base: Fit) -> Selection:
-        """Greedy, with swaps and exchanges, then backward."""
-        first, more = self.ranked(base, [])
+    def run(self, base: Fit, first: Ranking, more: bool) -> Selection:
+        """Greedy, with swaps and exchanges, then backward.
+
+        From the first ranking, and whether its best should be added.
+        """
         steps, fit = self._found(base, first, more)
         fewer, fit = self._backward(steps, fit)
         if 1 < len(fewer) < len(steps):  # what went may have kept another from its place
@@ -66,6 +68,12 @@ class EffectSearch(LikelihoodSearch):
         fewer, fit = self._more_likely(first, fewer, fit)
         steps, fit = self._in_place_by_forces(first, *self._made_simpler(fewer, fit))
         steps, fit = self._of_each_day(steps, fit)
+        return self.selection(base, first, steps, fit)
+
+    def selection(
+        self, base: Fit, first: Ranking, steps: Sequence[Ranking], fit: Fit
+    ) -> Selection:
+        """What was found, with its last numbers; nothing where it does not help."""
         # one story: what took the place of the first is the first of the ranking that is told
         alone = (s for s in steps if s.reference is first.reference or not s.reference.names)
         first = next(alone, first)

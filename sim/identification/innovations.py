@@ -130,6 +130,14 @@ class Chain:
         left = self._left(innovations[None], colour)[0]
         return replace(self, colour=colour, scale=_clipped_std(left))
 
+    def won_by_colour(self, innovations: Floats, mean_s: float) -> float:
+        """Change of −2 log likelihood (negative) where innovations (N, 3) have their own colour."""
+        own = self.coloured(innovations, mean_s)
+        assert own.colour is not None and own.scale is not None
+        left = own._left(innovations[None], own.colour)[0] / own.scale
+        squares = [np.sum(np.clip(w, -CLIP_STD, CLIP_STD) ** 2) for w in (left, innovations)]
+        return float(squares[0] - squares[1] + 2.0 * len(left) * np.log(own.scale).sum())
+
     def _left(self, rows: Floats, colour: Floats) -> Floats:
         """Innovations (K, N, 3) without what those before tell of them."""
         out = rows.copy()

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from sim.identification.innovations import (
     Chain,
+    chain_of,
     estimate_chain_noise,
     follows_of,
     track_std,
@@ -220,7 +221,14 @@ class RunSet:
         if self.follows is None:
             return restricted_deviance(errors, self.noise_of(errors))
         held = (self.noise.command_timing,)
-        return estimate_chain_noise(errors, self.follows, self.track_std, self.mean_s, held)[1]
+        noise, deviance = estimate_chain_noise(
+            errors, self.follows, self.track_std, self.mean_s, held
+        )
+        if self.chain is None or self.chain.colour is None:
+            return deviance
+        chain = chain_of(errors, noise, self.follows, self.track_std, self.mean_s)
+        white = chain.whitened(errors.error[None])[0].reshape(-1, 3)[self.counted]
+        return deviance + chain.won_by_colour(white, self.mean_s)
 
     @property
     def track_std(self) -> Floats:

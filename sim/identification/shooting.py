@@ -278,6 +278,16 @@ def deviance_of_runs(run_set: RunSet, unknowns: Unknowns, z: Floats) -> float:
     return run_set.deviance_of(errors_and_sensitivity(run_set, unknowns, z))
 
 
+def coloured_runs(run_set: RunSet, unknowns: Unknowns, z: Floats) -> RunSet:
+    """Tied runs under the colour of what a model with parameters z (n,) leaves of them."""
+    if run_set.chain is None or not len(run_set.rows.first):
+        return run_set
+    white = replace(run_set.chain, colour=None, scale=None)
+    (left,) = residuals_of(unknowns, [replace(run_set, chain=white)], z[None])
+    chain = white.coloured(left.reshape(-1, 3), run_set.mean_s)
+    return replace(run_set, chain=chain)
+
+
 def fit_result(
     z: Floats, residual: Floats, jacobian: Floats, weight: Floats,
     run_sets: Sequence[RunSet], tracks: Sequence[TrialTrack], at_mean: bool = False,

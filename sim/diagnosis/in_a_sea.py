@@ -1,0 +1,86 @@
+"""The search for effects beside waves.
+
+A sea holds more waves than two trains follow. What the others leave swings, which noise of first
+order does not, and an autopilot steers against it: over runs of several seconds the search takes
+that for effects, and what is there drowns in it. Predictions from one moment to the next under the
+noise that there is are efficient, and free of bias in a closed loop (Ljung, System Identification,
+2nd ed. 1999, §8.4, §13.4). So in a sea the trains come first, and then all else is judged
+
+    over the shortest runs, under the colour of what the leader of each ranking leaves of them
+
+Neither alone does (benchmarks/results/waves.md). Free runs judge the errors as everywhere.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from sim.diagnosis import thresholds
+from sim.diagnosis.fit import Fit, event_names, fit_effects, with_event_moved
+from sim.diagnosis.heldout import RankedEffect, Ranking
+from sim.diagnosis.ladder import EffectSearch, Selection
+from sim.diagnosis.residual_terms import swing_period
+from sim.diagnosis.worth import is_at_floor
+from sim.identification.runs import MIN_MEANS_TIED
+
+
+def is_in_a_sea(fit: Fit) -> bool:
+    """Whether a fit holds a train of waves, or what it leaves swings as in a sea."""
+    if any(a.effect.partial for a in fit.added):
+        return True
+    return not is_at_floor(fit.noise_share) and swing_period(fit) is not None
+
+
+def search_beside_waves(search: EffectSearch, base: Fit, first: Ranking) -> Selection:
+    """The trains of waves, then what else is there; `first`: the whole catalogue beside the base"""
+    return _SeaSearch(**vars(search)).beside_waves(base, first)
+
+
+@dataclass(frozen=True)
+class _SeaSearch(EffectSearch):
+    """From the bare base to the effects that are justified beside waves."""
+
+    def beside_waves(self, base: Fit, first: Ranking) -> Selection:
+        """The trains, then one effect after another, then backward."""
+        steps, fit = self._trains(base)
+        self.progress("in a sea: from one moment to the next, under the colour of what is left")
+        fit = under_own_colour(_over_shortest_runs(fit))
+        steps, fit = self._grown_and_exchanged(steps, fit, self._next(steps, fit))
+        steps, fit = self._made_simpler(*self._backward(steps, fit))
+        return self.selection(base, first, steps, fit)
+
+    def _trains(self, base: Fit) -> tuple[list[Ranking], Fit]:
+        """Trains of waves beside the base, as many as are justified."""
+        steps, fit = list[Ranking](), base
+        names = {effect.name for effect in self.effects if effect.partial}
+        for _ in names:
+            ranking = self.rank(fit, among=names)
+            row = self._first_justified(ranking, steps, fit)
+            if row is None:
+                break
+            steps, fit = [*steps, ranking.led_by(row)], row.fit
+        return steps, fit
+
+    def justified(self, row: RankedEffect, steps: Sequence[Ranking], fit: Fit) -> bool:
+        """As elsewhere; trains won their nats over longer runs, and leave no form of themselves."""
+        return super().justified(row, [s for s in steps if not s.best.effect.partial], fit)
+
+    def settled(self, base: Fit, fit: Fit) -> Fit:
+        """The same effects with their last numbers, under the colour that these leave."""
+        for name in event_names(fit):
+            fit = with_event_moved(fit, name)
+        return under_own_colour(fit)
+
+
+def under_own_colour(fit: Fit) -> Fit:
+    """Fit, noise and colour in turn."""
+    for _ in range(thresholds.COLOUR_ROUNDS):
+        problem = fit.renewed_problem.under_colour_of(fit.unknowns, fit.z)
+        fit = fit_effects(fit.added, fit.unknowns, problem, fit.z)
+    return fit
+
+
+def _over_shortest_runs(fit: Fit) -> Fit:
+    """The same numbers, over runs that are as short as those that are tied may be."""
+    settings = fit.problem.settings
+    shortest = replace(settings, horizons=(MIN_MEANS_TIED * settings.average,))
+    return replace(fit, problem=replace(fit.problem, settings=shortest))
