@@ -136,27 +136,12 @@ def _under_own_colour(fit: Fit, problem: FitProblem) -> Fit:
     now = problem
     for _ in range(thresholds.COLOUR_ROUNDS):
         fit = fit_effects(fit.added, fit.unknowns, now, fit.z)
-        now = _coloured(replace(fit, problem=problem))
+        now = problem.under_colour_of(fit.unknowns, fit.z)
     last = replace(fit, problem=now)
     return replace(last, residual=last.at(fit.z[None])[0])
 
 
-def _coloured(fit: Fit) -> FitProblem:
-    """The problem of a fit under the colour of what it leaves of each trial."""
-    residual, run_sets, at = fit.at(fit.z[None])[0].reshape(-1, 3), [], 0
-    for runs in fit.problem.run_sets:
-        own = residual[at : at + int(runs.within.sum())]
-        at += len(own)
-        chain = (
-            runs.chain.coloured(own, runs.mean_s)
-            if runs.chain is not None and len(own)
-            else runs.chain
-        )
-        run_sets.append(replace(runs, chain=chain))
-    return replace(fit.problem, run_sets=tuple(run_sets))
-
-
 def _scale_and_means(runs: RunSet) -> tuple[Floats, int]:
     """s (3,) of the colour of a trial, and how many means it has."""
-    scale = None if runs.chain is None else runs.chain.scale
-    return np.ones(3) if scale is None else scale, int(runs.within.sum())
+    colour = None if runs.chain is None else runs.chain.colour
+    return np.ones(3) if colour is None else colour.scale, int(runs.within.sum())

@@ -203,16 +203,13 @@ class FitProblem:
     @property
     def is_coloured(self) -> bool:
         """Whether its residuals are under a colour."""
-        chains = (runs.chain for runs in self.run_sets)
-        return any(chain is not None and chain.colour is not None for chain in chains)
+        return any(runs.is_coloured for runs in self.run_sets)
 
     def under_colour_of(self, unknowns: Unknowns, z: Floats) -> "FitProblem":
         """The same under the colour of what a model with numbers z (n,) leaves of each trial."""
-        run_sets = self.run_sets_for(unknowns, z)
-        coloured = [coloured_runs(w, unknowns, z) for w in run_sets]
-        chains = (w.chain for w in coloured)
-        own = (replace(w, chain=c) for w, c in zip(self.run_sets, chains, strict=True))
-        return replace(self, run_sets=tuple(own))
+        coloured = [coloured_runs(w, unknowns, z) for w in self.run_sets_for(unknowns, z)]
+        pairs = zip(self.run_sets, coloured, strict=True)
+        return replace(self, run_sets=tuple(replace(w, chain=c.chain) for w, c in pairs))
 
     def noise_of(self, unknowns: Unknowns, z: Floats) -> tuple[Noise, ...]:
         """Of each trial, as a model with numbers z (n,) leaves it."""

@@ -70,9 +70,7 @@ class EffectSearch(LikelihoodSearch):
         steps, fit = self._of_each_day(steps, fit)
         return self.selection(base, first, steps, fit)
 
-    def selection(
-        self, base: Fit, first: Ranking, steps: Sequence[Ranking], fit: Fit
-    ) -> Selection:
+    def selection(self, base: Fit, first: Ranking, steps: Sequence[Ranking], fit: Fit) -> Selection:
         """What was found, with its last numbers; nothing where it does not help."""
         # one story: what took the place of the first is the first of the ranking that is told
         alone = (s for s in steps if s.reference is first.reference or not s.reference.names)

@@ -25,6 +25,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +59,13 @@ def track_std(trial: Trial) -> Floats:
     return np.asarray(np.maximum(np.nan_to_num(stated), MIN_SIGMA))
 
 
+class Colour(NamedTuple):
+    """Of innovations of u, v, r: a_1 … a_p (p, 3), and s (3,)."""
+
+    a: Floats
+    scale: Floats
+
+
 @dataclass(frozen=True)
 class Chain:
     """The filter over S runs of at most n means (m = 3 n rows), ready to be applied.
@@ -70,7 +78,7 @@ class Chain:
     root     (S, m, m) Cholesky factor of the innovations' covariance
     spread   (3,) of the innovations of u, v, r, robust: 1 where the noise is right
     deviance −2 log likelihood of the errors that it was made from
-    colour   (p, 3) a_1 … a_p of the innovations of u, v, r, and scale (3,) s; None where white
+    colour   of the innovations; None where they are white
     """
 
     follows: Floats
@@ -82,8 +90,7 @@ class Chain:
     root: Floats
     spread: Floats
     deviance: float
-    colour: Floats | None = None
-    scale: Floats | None = None
+    colour: Colour | None = None
 
     @classmethod
     def of(
@@ -114,36 +121,38 @@ class Chain:
             _fresh(self.noise), self.noise.rho, self.state, self.moved, self.gain, self._unit, out,
         )  # fmt: skip
         white = out.reshape(K, S, n, 3)
-        if self.colour is not None and self.scale is not None:
-            white[:, self._counted] = self._left(white[:, self._counted], self.colour) / self.scale
+        if self.colour is not None:
+            white[:, self._counted] = self._without_colour(white[:, self._counted], self.colour)
         return white
 
     def coloured(self, innovations: Floats, mean_s: float) -> "Chain":
         """The filter that makes these innovations (N, 3) of all means, so far without colour, white
         in time.
         """
-        rows = np.clip(innovations, -CLIP_STD, CLIP_STD)
+        return replace(self, colour=self._colour_of(innovations, mean_s))
+
+    def won_by_colour(self, innovations: Floats, mean_s: float) -> float:
+        """How −2 log likelihood changes where innovations (N, 3) get their own colour."""
+        colour = self._colour_of(innovations, mean_s)
+        left = self._without_colour(innovations[None], colour)[0]
+        before, after = (np.sum(_clipped(w, 1.0) ** 2) for w in (innovations, left))
+        return float(after - before + 2.0 * len(left) * np.log(colour.scale).sum())
+
+    def _colour_of(self, innovations: Floats, mean_s: float) -> Colour:
+        rows = _clipped(innovations, 1.0)
         lags = range(min(round(COLOUR_S / mean_s), len(rows) - 1) + 1)
         r = np.array([(rows[k:] * rows[: len(rows) - k] * self._tied(k)).sum(axis=0) for k in lags])
         r[0] = np.maximum(r[0] * (1.0 + COLOUR_RIDGE), 1e-12)
-        colour = np.stack([solve_toeplitz(r[:-1, c], r[1:, c]) for c in range(3)], axis=1)
-        left = self._left(innovations[None], colour)[0]
-        return replace(self, colour=colour, scale=_clipped_std(left))
+        a = np.stack([solve_toeplitz(r[:-1, c], r[1:, c]) for c in range(3)], axis=1)
+        unscaled = self._without_colour(innovations[None], Colour(a, np.ones(3)))[0]
+        return Colour(a, _clipped_std(unscaled))
 
-    def won_by_colour(self, innovations: Floats, mean_s: float) -> float:
-        """Change of −2 log likelihood (negative) where innovations (N, 3) have their own colour."""
-        own = self.coloured(innovations, mean_s)
-        assert own.colour is not None and own.scale is not None
-        left = own._left(innovations[None], own.colour)[0] / own.scale
-        squares = [np.sum(np.clip(w, -CLIP_STD, CLIP_STD) ** 2) for w in (left, innovations)]
-        return float(squares[0] - squares[1] + 2.0 * len(left) * np.log(own.scale).sum())
-
-    def _left(self, rows: Floats, colour: Floats) -> Floats:
-        """Innovations (K, N, 3) without what those before tell of them."""
+    def _without_colour(self, rows: Floats, colour: Colour) -> Floats:
+        """Innovations (K, N, 3) without what those before tell of them, in standard deviations."""
         out = rows.copy()
-        for k, a in enumerate(colour, start=1):
+        for k, a in enumerate(colour.a, start=1):
             out[:, k:] -= a * rows[:, : rows.shape[1] - k] * self._tied(k)
-        return out
+        return out / colour.scale
 
     @cached_property
     def _counted(self) -> NDArray[np.bool_]:
@@ -218,7 +227,7 @@ class _Recursion:
         if len(counted):
             spread = np.sqrt(np.median(counted**2, axis=0) / CHI2_MEDIAN)
         determinant = size + 2.0 * float(self.count.sum()) * np.log(fresh).sum()
-        deviance = float(np.sum(np.clip(counted, -CLIP_STD, CLIP_STD) ** 2) + determinant)
+        deviance = float(np.sum(_clipped(counted, 1.0) ** 2) + determinant)
         return np.maximum(spread, 1e-3), deviance
 
 
@@ -228,8 +237,12 @@ def _clipped_std(rows: Floats) -> Floats:
         return np.ones(3)
     std = np.maximum(np.sqrt(np.median(rows**2, axis=0) / CHI2_MEDIAN), 1e-6)
     for _ in range(SCALE_ROUNDS):
-        std = np.sqrt(np.mean(np.clip(rows, -CLIP_STD * std, CLIP_STD * std) ** 2, axis=0))
+        std = np.sqrt(np.mean(_clipped(rows, std) ** 2, axis=0))
     return np.asarray(np.maximum(std, 1e-6))
+
+
+def _clipped(rows: Floats, std: Floats | float) -> Floats:
+    return np.asarray(np.clip(rows, -CLIP_STD * std, CLIP_STD * std), np.float64)
 
 
 def _fresh(noise: Noise) -> Floats:

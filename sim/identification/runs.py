@@ -224,11 +224,16 @@ class RunSet:
         noise, deviance = estimate_chain_noise(
             errors, self.follows, self.track_std, self.mean_s, held
         )
-        if self.chain is None or self.chain.colour is None:
+        if not self.is_coloured:
             return deviance
         chain = chain_of(errors, noise, self.follows, self.track_std, self.mean_s)
         white = chain.whitened(errors.error[None])[0].reshape(-1, 3)[self.counted]
         return deviance + chain.won_by_colour(white, self.mean_s)
+
+    @property
+    def is_coloured(self) -> bool:
+        """Whether its residuals are under a colour."""
+        return self.chain is not None and self.chain.colour is not None
 
     @property
     def track_std(self) -> Floats:

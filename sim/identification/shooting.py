@@ -42,6 +42,7 @@ from sim.identification.runs import (
     TrialTrack,
     errors_and_sensitivity,
     errors_of_trials,
+    run_errors,
     simulate_runs,
 )
 from sim.identification.search import (
@@ -177,7 +178,8 @@ def whitened_run_set(run_set: RunSet, errors: RunErrors, noise: Noise) -> RunSet
     """The runs under a noise, given their errors."""
     if run_set.follows is not None:
         chain = chain_of(errors, noise, run_set.follows, run_set.track_std, run_set.mean_s)
-        return replace(run_set, noise=noise, chain=chain)
+        white = replace(run_set, noise=noise, chain=chain)
+        return _coloured(white, errors.error) if run_set.is_coloured else white
     _, basis, _ = project_out_starts(errors, noise)
     return replace(run_set, noise=noise, basis=basis, whitener=timing_whitener(errors, noise)[0])
 
@@ -282,10 +284,15 @@ def coloured_runs(run_set: RunSet, unknowns: Unknowns, z: Floats) -> RunSet:
     """Tied runs under the colour of what a model with parameters z (n,) leaves of them."""
     if run_set.chain is None or not len(run_set.rows.first):
         return run_set
-    white = replace(run_set.chain, colour=None, scale=None)
-    (left,) = residuals_of(unknowns, [replace(run_set, chain=white)], z[None])
-    chain = white.coloured(left.reshape(-1, 3), run_set.mean_s)
-    return replace(run_set, chain=chain)
+    return _coloured(run_set, run_errors(run_set, unknowns, z[None])[0])
+
+
+def _coloured(run_set: RunSet, error: Floats) -> RunSet:
+    """Tied runs under the colour of errors and gaps (S, n + 1, 3)."""
+    assert run_set.chain is not None
+    white = replace(run_set, chain=replace(run_set.chain, colour=None))
+    left = projected_residuals(white, error[None]).reshape(-1, 3)
+    return replace(run_set, chain=run_set.chain.coloured(left, run_set.mean_s))
 
 
 def fit_result(

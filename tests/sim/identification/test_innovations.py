@@ -144,16 +144,16 @@ def test_what_swings_is_white_once_its_colour_is_out() -> None:
         swinging[k] += 1.2 * swinging[k - 1] - 0.9 * swinging[k - 2]
     coloured = chain.coloured(swinging, mean_s)
     assert coloured.colour is not None
-    assert coloured.colour[:2] == pytest.approx(np.tile([[1.2], [-0.9]], 3), abs=0.06)
-    assert coloured.colour[2:] == pytest.approx(np.zeros((4, 3)), abs=0.06)
-    assert coloured.scale == pytest.approx(0.5 * np.ones(3), rel=0.05)
+    assert coloured.colour.a[:2] == pytest.approx(np.tile([[1.2], [-0.9]], 3), abs=0.06)
+    assert coloured.colour.a[2:] == pytest.approx(np.zeros((4, 3)), abs=0.06)
+    assert coloured.colour.scale == pytest.approx(0.5 * np.ones(3), rel=0.05)
     pushed = np.random.default_rng(4).normal(size=(2, S, n + 1, 3))
     plain, left = chain.whitened(pushed).reshape(2, -1, 3), coloured.whitened(pushed)
-    left = left.reshape(2, -1, 3) * coloured.scale
+    left = left.reshape(2, -1, 3) * coloured.colour.scale
     first = (S // 2 + 1) * n  # of the second stretch: nothing before it tells of it
     assert left[:, first] == pytest.approx(plain[:, first])
     assert left[:, first + 1] == pytest.approx(
-        plain[:, first + 1] - coloured.colour[0] * plain[:, first]
+        plain[:, first + 1] - coloured.colour.a[0] * plain[:, first]
     )
 
 
