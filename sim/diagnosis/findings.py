@@ -117,7 +117,7 @@ class Doubts(NamedTuple):
     """Why what was found may not be all.
 
     above           what is left is more than noise, by a wide margin, or beside numbers of the base
-                    that stand at their limits
+                    that stand at their limits; of no sea, which bends numbers and leaves much
     contradictions  of sensors: what a model of the boat leaves may be theirs
     strained        numbers of what was found that no boat has
     """
@@ -138,7 +138,8 @@ class Doubts(NamedTuple):
         effects = [a.effect for a in fit.added]
         above = is_above_noise(effects, found.ladder, found.floor)
         above = above or is_above_stated(effects, fit.noise_share)
-        above = above or (found.is_above and bool(numbers_at_limit(last, prior)))
+        at_limit = found.is_above and bool(numbers_at_limit(last, prior))
+        above = above or (at_limit and not any(e.partial for e in effects))
         new = [added for added in last.vessel.effects if added.effect.name in last.effects]
         strained = tuple(strain for a in new if (strain := strain_of(a, last.vessel)))
         contradictions = tuple(dict.fromkeys(said for t in trials for said in t.contradictions))
