@@ -41,20 +41,24 @@ class _SeaSearch(EffectSearch):
 
     def beside_waves(self, base: Fit, first: Ranking) -> Selection:
         """The trains, then one effect after another, then backward."""
-        steps, fit = self._trains(base)
+        steps, fit = self._trains(base, first)
         self.progress("in a sea: from one moment to the next, under the colour of what is left")
-        fit = under_own_colour(_over_shortest_runs(fit))
+        base, fit = (under_own_colour(_over_shortest_runs(each)) for each in (base, fit))
         steps, fit = self._grown_and_exchanged(steps, fit, self._next(steps, fit))
         steps, fit = self._made_simpler(*self._backward(steps, fit))
         return self.selection(base, first, steps, fit)
 
-    def _trains(self, base: Fit) -> tuple[list[Ranking], Fit]:
+    def _trains(self, base: Fit, first: Ranking) -> tuple[list[Ranking], Fit]:
         """Trains of waves beside the base, as many as are justified."""
         steps, fit = list[Ranking](), base
         names = {effect.name for effect in self.effects if effect.partial}
         for _ in names:
-            ranking = self.rank(fit, among=names)
-            row = self._first_justified(ranking, steps, fit)
+            seen = not steps and any(r.name in names for r in first.finalists)
+            ranking = first if seen else self.rank(fit, among=names)
+            trains = replace(
+                ranking, finalists=tuple(r for r in ranking.finalists if r.name in names)
+            )
+            row = self._first_justified(trains, steps, fit)
             if row is None:
                 break
             steps, fit = [*steps, ranking.led_by(row)], row.fit

@@ -75,13 +75,15 @@ def does_without_effects(
     """Whether a curve alone predicts clearly better than all effects of the last step.
 
     In free runs, where these show more than noise (`floor`), or from one moment to the next by more
-    than their form leaves.
+    than their form leaves. In a sea the latter: commands answer it, and over ten seconds a curve of
+    commands tells what the sea did.
     """
     if not curve.replaces:
         return False
     last = ladder[-1].heldout.nrmse
     most = thresholds.MAX_IN_PLACE_RATIO * last
-    if selection.fits and last > floor and curve.step.heldout.nrmse < most:
+    in_a_sea = selection.fit.problem.is_coloured
+    if selection.fits and not in_a_sea and last > floor and curve.step.heldout.nrmse < most:
         return True
     if curve.over is None or curve.over.log_ratio < thresholds.MIN_LOG_RATIO_IN_PLACE:
         return False

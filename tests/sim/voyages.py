@@ -85,10 +85,10 @@ def legs(vessel: Vessel, seconds: float, dt: float = 0.05) -> tuple[Floats, Floa
 
 
 def in_a_sea(
-    seconds: float, dt: float = 0.1, late: float = 0.0
+    seconds: float, dt: float = 0.1, late: float = 0.0, port: float = 1.0
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Courses that an autopilot holds against thirty waves of three seconds or so, of all phases;
-    motors hear it `late` [s]; as `voyage`.
+    motors hear it `late` [s], the port one gives such a share of its thrust; as `voyage`.
     """
     chance = np.random.default_rng(4)
     rate, phase = chance.normal(2.1, 0.3, 30), chance.uniform(0.0, 2.0 * np.pi, (3, 30))
@@ -102,16 +102,17 @@ def in_a_sea(
         return np.clip([ahead + turn, ahead - turn], -0.5, 1.0)
 
     rows = round(late / dt)
-    return _sailed(WAM_V, len(waves), dt, np.zeros(2), pilot, lambda k: waves[k], rows)
+    return _sailed(WAM_V, len(waves), dt, np.zeros(2), pilot, lambda k: waves[k], rows, port)
 
 
 def _sailed(
     vessel: Vessel, T: int, dt: float, stream: Floats, pilot: Callable[[int, Floats], Floats],
-    push: Callable[[int], Floats] = lambda k: np.zeros(3), late: int = 0,
+    push: Callable[[int], Floats] = lambda k: np.zeros(3), late: int = 0, port: float = 1.0,
 ) -> tuple[Floats, Floats, Floats, Floats]:  # fmt: skip
     """Midpoint rule on plain floats: other code, another integrator, the same equations.
 
-    push  [N, N, N m] on the boat at a row; motors act as they were told `late` rows before
+    push  [N, N, N m] on the boat at a row; motors act as they were told `late` rows before, the
+          port one with such a share of its thrust
     """
     d, (north, east) = vessel.dynamics, stream
 
@@ -135,6 +136,7 @@ def _sailed(
         drive[k] = pilot(k, np.array(x))
         acting, other = drive[max(k - late, 0)], push(k)
         left, right = (float(90.0 * c if c >= 0.0 else 85.0 * c) for c in acting)
+        left *= port
         out[k] = [*x, *rate(x, left, right, other)[3:]]
         for _ in range(parts):
             half = rate(x, left, right, other)

@@ -275,7 +275,7 @@ def test_what_was_kept_out_by_an_effect_that_went_gets_its_place(
     scorer: Any = MadeScorer(0.1)
     search = Scripted(nothing, EFFECTS, 4, lambda _: None, map, scorer)
     monkeypatch.setattr(Scripted, "helps", lambda self, before, after: True)
-    selection = search.run(found())
+    selection = search.run(found(), *search.ranked(found(), []))
     assert selection.fit.names == ("heading_offset", "current_change")
 
 
@@ -289,7 +289,8 @@ def test_a_steady_case_that_took_its_changes_place_leads_the_ranking_that_is_tol
     monkeypatch.setattr(Scripted, "_gain_over", lambda self, fit, other: same)
     monkeypatch.setattr("sim.diagnosis.ladder.final_fit", lambda fit: fit)
     scorer: Any = MadeScorer(0.1)
-    selection = Scripted(nothing, EFFECTS, 1, lambda _: None, map, scorer).run(found())
+    search = Scripted(nothing, EFFECTS, 1, lambda _: None, map, scorer)
+    selection = search.run(found(), *search.ranked(found(), []))
     assert selection.fit.names == ("steady_current",)
     assert [row.name for row in selection.first.finalists] == ["steady_current", "heading_offset"]
     assert selection.steps[0].best is selection.first.best

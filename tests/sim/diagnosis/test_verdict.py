@@ -347,9 +347,13 @@ def test_only_a_clearly_better_curve_takes_the_place_of_effects() -> None:
     ladder, none = [step(0.5), step(0.4), step(0.3, "hull_lift")], SimpleNamespace()
     made: Any = none
     won = SimpleNamespace(best=SimpleNamespace(gain=gained(1000.0)))
-    hull_lift = SimpleNamespace(added=[SimpleNamespace(effect=named("hull_lift"))])
-    lift: Any = SimpleNamespace(fits=(made,), steps=(won,), fit=hull_lift)
-    nothing: Any = SimpleNamespace(fits=(), steps=(), fit=SimpleNamespace(added=[]))
+    calm, sea = (SimpleNamespace(is_coloured=coloured) for coloured in (False, True))
+    added = [SimpleNamespace(effect=named("hull_lift"))]
+    lift, beside_waves = (
+        SimpleNamespace(fits=(made,), steps=(won,), fit=SimpleNamespace(added=added, problem=p))
+        for p in (calm, sea)
+    )
+    nothing: Any = SimpleNamespace(fits=(), steps=(), fit=SimpleNamespace(added=[], problem=calm))
 
     def does(
         after: float, *effects: str, over: Gain | None = None, found: Any = lift, floor: float = 0.1
@@ -370,6 +374,8 @@ def test_only_a_clearly_better_curve_takes_the_place_of_effects() -> None:
     assert not does(0.295, "x", over=small)
     assert not does(0.28, "x", found=nothing)  # gusts have a history, too
     assert does(0.295, "x", over=gained(30.0), found=nothing)
+    assert not does(0.28, "x", found=beside_waves)  # a curve of commands that answered the waves
+    assert does(0.28, "x", over=gained(70.0), found=beside_waves)
 
 
 def test_a_curve_beside_an_effect_counts_where_it_takes_away_a_noticeable_error() -> None:

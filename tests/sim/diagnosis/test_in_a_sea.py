@@ -1,0 +1,105 @@
+"""Effects beside waves: what is there is found, what only answers them is not."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sim.diagnosis.diagnose import DiagnoseSettings, diagnose, fit_base
+from sim.diagnosis.fit import Fit
+from sim.diagnosis.fit_problem import SupersetModel
+from sim.diagnosis.in_a_sea import is_in_a_sea, under_own_colour
+from sim.effects.catalogue import named
+from sim.model import Model
+from sim.state import Floats
+from sim.trial import Trial
+from tests.sim.diagnosis.sailed import STD
+from tests.sim.voyages import WAM_V, in_a_sea, trial_of
+
+DT = 0.2  # s: that of a diagnosis
+CATALOGUE = tuple(
+    map(
+        named,
+        (
+            "thruster_imbalance",
+            "hull_lift",
+            "cross_damping",
+            "steady_current",
+            "wave_motion",
+            "crossing_waves",
+        ),
+    )
+)
+
+
+def shaken(port: float, seconds: float = 300.0) -> Trial:
+    """A voyage in a sea, the port motor with that share of its thrust; physics of other code."""
+    *motion, drive = in_a_sea(seconds, DT, port=port)
+    noisy = np.hstack(motion) + np.random.default_rng(5).normal(0.0, STD, (len(drive), 9))
+    eta, nu, nu_dot = np.split(noisy, 3, axis=1)
+    return trial_of(eta, nu, nu_dot, drive, DT, np.diag(STD**2))
+
+
+def base_of(trial: Trial) -> Fit:
+    """The re-fitted base."""
+    superset = SupersetModel.of(WAM_V, [])
+    return fit_base(superset, Model.of(WAM_V), [trial], DiagnoseSettings())
+
+
+@pytest.mark.parametrize(
+    ("effect", "left", "period", "is_one"),
+    [
+        ("steady_current", 20.0, None, False),
+        ("steady_current", 20.0, 3.0, True),
+        ("steady_current", 0.7, 3.0, False),  # no more than noise: nothing shakes the boat
+        ("wave_motion", 0.7, None, True),
+    ],
+)
+def test_a_sea_is_told_by_a_train_or_by_what_swings(
+    effect: str, left: float, period: float | None, is_one: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sim.diagnosis.in_a_sea.swing_period", lambda fit: period)
+    fit: Any = SimpleNamespace(
+        added=(SimpleNamespace(effect=named(effect)),), noise_share=(0.7, 0.7, left)
+    )
+    assert is_in_a_sea(fit) is is_one
+
+
+def largest_correlation(residual: Floats) -> float:
+    """Of what is left of u, v, r with itself, one to six means before."""
+    rows = residual.reshape(-1, 3)
+    every = [
+        np.corrcoef(rows[k:, c], rows[:-k, c])[0, 1] for k in range(1, 7) for c in range(3)
+    ]  # fmt: skip
+    return float(np.abs(every).max())
+
+
+def test_what_a_sea_leaves_is_white_under_its_colour_and_stays_so_under_a_new_noise() -> None:
+    fit = base_of(shaken(1.0, 120.0))
+    white = under_own_colour(fit)
+    assert largest_correlation(fit.residual) > 0.3 > 0.2 > largest_correlation(white.residual)
+    assert white.renewed_problem.is_coloured
+    assert not fit.renewed_problem.is_coloured
+
+
+def test_a_colour_is_worth_what_the_likelihood_says() -> None:
+    """In a sea much, of the same voyage's white noise nothing; and a fit under it is judged so."""
+    fit = base_of(shaken(1.0, 120.0))
+    under = fit.problem.under_colour_of(fit.unknowns, fit.z)
+    plain, coloured = (p.deviance(fit.unknowns, fit.z) for p in (fit.problem, under))
+    assert coloured < plain - 100.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("port", "expected"), [(0.9, ("thruster_imbalance",)), (1.0, ())])
+def test_in_a_sea_what_is_there_is_found_and_nothing_else(
+    port: float, expected: tuple[str, ...]
+) -> None:
+    """Over runs of six seconds thirty waves were taken for a lift of the hull."""
+    found = diagnose([shaken(port)], WAM_V, DiagnoseSettings(effects=CATALOGUE))
+    trains = {effect.name for effect in CATALOGUE if effect.partial}
+    assert tuple(name for name in found.effects if name not in trains) == expected
+    if expected:
+        (share,) = found.ladder[-1].parameters["thruster_imbalance"]
+        assert share.ci95[0] - 0.02 < 0.9 < share.ci95[1] + 0.02
