@@ -27,11 +27,13 @@ from gateway.ingest.log import (
     column,
     decode_tables,
     frozen,
+    lanes_notice,
 )
 from gateway.ingest.mapping import UNIX_FROM_US
 from gateway.ingest.mavlink.mapping import vehicle_type
 from gateway.ingest.ulog.boots import Boots, boots
-from gateway.ingest.ulog.mapping import INSTANCE, OUTPUTS, RULES
+from gateway.ingest.ulog.instances import estimator_in_use, rules_for
+from gateway.ingest.ulog.mapping import ESTIMATORS, INSTANCE
 from gateway.ingest.ulog.records import Records, Told, read_records
 from sim.state import Ints
 
@@ -93,8 +95,15 @@ class UlogLog(Log):
         return (Boat(0, 0, "PX4", "" if known == "?" else known),)
 
     def decode(self, boat: Boat) -> BoatSamples:
-        """All samples; of each topic the first instance that is in the log."""
-        return decode_tables(self, boat, [self._with_instance(rule) for rule in RULES])
+        """All samples, those of the EKF of the one in use."""
+        rules, told = rules_for(self, self.parameters(boat))
+        in_use = estimator_in_use(self)
+        chosen = {f"{topic}.{INSTANCE}": in_use.at for topic in ESTIMATORS if in_use is not None}
+        decoded = decode_tables(self, boat, rules, chosen)
+        times = None if in_use is None else decoded.times_at(in_use.order)
+        switches = () if in_use is None or times is None else in_use.switches(times)
+        notices = (*decoded.notices, *told, *lanes_notice(switches, self))
+        return replace(decoded, lane_switches=switches, notices=notices)
 
     def listed_parameters(self, boat: Boat) -> list[ListedParameter]:
         """Those that the log begins with, and each that was changed."""
@@ -103,12 +112,6 @@ class UlogLog(Log):
     def firmware(self, boat: Boat) -> str:
         """Release and hash of the autopilot's software."""
         return self.software
-
-    def _with_instance(self, rule: Any) -> Any:
-        topic = self.topics.get(rule.message)
-        if topic is None or rule.message == OUTPUTS:  # there, each instance has its channels
-            return rule
-        return replace(rule, number=int(np.min(topic.columns[INSTANCE])))
 
 
 class _Rows(NamedTuple):

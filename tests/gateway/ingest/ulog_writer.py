@@ -16,7 +16,10 @@ from gateway.samples import Quantity
 
 MAGIC = b"ULog\x01\x12\x35"
 SYNC, SYNC_US = b"\x2f\x73\x13\x20\x25\x0c\xbb\x12", 500_000  # a reader finds its way back by it
-CODES = {"uint64_t": "Q", "float": "f", "double": "d", "uint8_t": "B", "int32_t": "i", "bool": "?"}
+CODES = {
+    "uint64_t": "Q", "float": "f", "double": "d", "uint8_t": "B", "int32_t": "i", "bool": "?",
+    "uint16_t": "H", "uint32_t": "I",
+}  # fmt: skip
 TOPICS = {  # fields behind the timestamp, as PX4 v1.14 has them
     "vehicle_attitude": "float[4] q",
     "vehicle_angular_velocity": "float[3] xyz",
@@ -32,6 +35,16 @@ TOPICS = {  # fields behind the timestamp, as PX4 v1.14 has them
     ),
     "actuator_outputs": "float[16] output",
     "actuator_motors": "float[12] control",
+    "actuator_servos": "float[8] control",
+    "estimator_selector_status": "uint8_t primary_instance",
+    "estimator_status": (
+        "uint32_t filter_fault_flags;float mag_test_ratio;float vel_test_ratio;"
+        "float pos_test_ratio;uint16_t innovation_check_flags;uint16_t solution_status_flags"
+    ),
+    "sensor_gps": (
+        "uint64_t time_utc_usec;double latitude_deg;double longitude_deg;float vel_n_m_s;"
+        "float vel_e_m_s;uint8_t fix_type;bool vel_ned_valid"
+    ),
     "vehicle_status": "uint8_t arming_state;uint8_t system_type;uint8_t nav_state",
     "battery_status": "float voltage_v",
     "wind": "float windspeed_north;float windspeed_east",
