@@ -76,12 +76,16 @@ def numbers(column: NDArray[np.generic]) -> Floats:
 
 
 class ListedParameter(NamedTuple):
-    """One parameter as a message of the log told it; order and receipt as in `Table`."""
+    """One parameter as a message of the log told it; order and receipt as in `Table`.
+
+    changed  the log itself says that it had another value before, which need not be in it
+    """
 
     order: int
     receive_time_ns: int
     name: str
     value: float
+    changed: bool = False
 
 
 @dataclass(frozen=True)

@@ -291,7 +291,8 @@ def _settings(
         if isinstance(one.value, int | float) and np.isfinite(one.value):
             k = moments.row_before(one.place)
             at = int(moments.time[k] * 1000 + unix_minus_boot_ns[moments.boot[k]])
-            out.append(ListedParameter(int(moments.order[k]), at, one.name, float(one.value)))
+            order, changed = int(moments.order[k]), one.place >= 0
+            out.append(ListedParameter(order, at, one.name, float(one.value), changed))
     return out
 
 
