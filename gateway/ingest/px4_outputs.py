@@ -9,7 +9,7 @@ Source: PX4-Autopilot, src/lib/mixer_module/output_functions.yaml, src/modules/c
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 MOTORS, SERVOS = range(101, 113), range(201, 209)
 DRIVERS = "PWM_MAIN|PWM_AUX|PWM_EXTRA|PCA9685|UAVCAN_EC|UAVCAN_SV|SIM_GZ_EC|SIM_GZ_SV|HIL_ACT"
@@ -33,3 +33,14 @@ def named_outputs(parameters: Mapping[str, float]) -> tuple[str, ...]:
         f"{kind} {number} on output {output} of {driver}"
         for kind, number, driver, output in sorted(found)
     )
+
+
+MOST_NAMED = 4  # in one sentence
+
+
+def named_only(outputs: Sequence[str]) -> str:
+    """That outputs have names but no places, as half a sentence; empty without any."""
+    if not outputs:
+        return ""
+    more = f" and {len(outputs) - MOST_NAMED} more" if len(outputs) > MOST_NAMED else ""
+    return f"PX4 names {', '.join(outputs[:MOST_NAMED])}{more}, but not where on the boat they are"
