@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.state import Ints
+from sim.state import Floats, Ints
 
 CREDIBLE_US = 1 << 52  # 142 years
 JUMP_US = 10_000_000  # as the boat's clock has it (`clock.JUMP`)
@@ -74,40 +74,57 @@ class _Around:
         order = np.argsort(place, kind="stable")
         self.place, self.time, self.sorted = place[order], time[order], np.sort(time)
 
-    def sides(self, place: int) -> list[tuple[float, float]]:
-        """Earliest and latest time that agrees with the rows before a place, and with those behind.
+    def later(self, time: Ints, place: Ints) -> Bools:
+        """Rows (M,) -> whether each is later than those before it and those behind it."""
+        sides = [middle + width for middle, width in self._sides(place)]
+        return np.logical_and.reduce([(time > latest) | np.isnan(latest) for latest in sides])
 
-        A side without rows is left out.
+    def earlier(self, time: Ints, place: Ints) -> Bools:
+        """… earlier than both."""
+        sides = [middle - width for middle, width in self._sides(place)]
+        return np.logical_and.reduce([(time < first) | np.isnan(first) for first in sides])
+
+    def alone(self, time: Ints, place: Ints) -> Bools:
+        """Rows (M,) -> whether hardly one of the whole log is as late, in a log that has many."""
+        as_late = len(self.sorted) - np.searchsorted(self.sorted, time - JUMP_US)
+        k = np.searchsorted(self.place, place)
+        many = np.maximum(k, len(self.place) - k - 1) >= FEWEST
+        return np.asarray((as_late <= FEWEST) & many)
+
+    def _sides(self, place: Ints) -> list[tuple[Floats, Floats]]:
+        """Places (M,) -> median time of the rows before, and how far another one may be from it;
+        the same of those behind. NaN without rows; few rows in a minute reach further.
         """
-        k = int(np.searchsorted(self.place, place))
-        before, behind = self.time[max(k - AROUND, 0) : k], self.time[k + 1 : k + 1 + AROUND]
-        return [_agreeing(rows) for rows in (before, behind) if len(rows)]
+        k = np.searchsorted(self.place, place)[:, None]
+        out = []
+        for steps in (np.arange(-AROUND, 0), np.arange(1, AROUND + 1)):
+            rows = k + steps
+            inside = (rows >= 0) & (rows < len(self.time))
+            time = np.where(inside, self.time[np.clip(rows, 0, len(self.time) - 1)], np.nan)
+            middle = _median(time)
+            out.append((middle, JUMP_US + SPREADS * _median(np.abs(time - middle[:, None]))))
+        return out
 
-    def beyond_all(self, time: int, place: int) -> bool:
-        """Whether hardly a row of the whole log is as late, and those around this one are not."""
-        as_late = len(self.sorted) - int(np.searchsorted(self.sorted, time - JUMP_US))
-        k = int(np.searchsorted(self.place, place))
-        alone = as_late <= FEWEST <= max(k, len(self.place) - k - 1)
-        return alone and all(time > latest for _, latest in self.sides(place))
 
-
-def _agreeing(time: Ints) -> tuple[float, float]:
-    """Times (K,) -> where another one may be: few rows in a minute reach further."""
-    middle = float(np.median(time))
-    width = JUMP_US + SPREADS * float(np.median(np.abs(time - middle)))
-    return middle - width, middle + width
+def _median(rows: Floats) -> Floats:
+    """(M, n) -> (M,) without the NaN in each row; NaN where there is nothing else."""
+    count = np.isfinite(rows).sum(axis=1)
+    ordered, every = np.sort(rows, axis=1), np.arange(len(rows))
+    below, above = np.maximum(count - 1, 0) // 2, np.minimum(count // 2, rows.shape[1] - 1)
+    return np.asarray(0.5 * (ordered[every, below] + ordered[every, above]))
 
 
 def _damaged(place: Ints, time: Ints, around: _Around) -> Bools:
     """Rows of one instance -> those whose time cannot be (K,)."""
     out = np.zeros(len(time), np.bool_)
-    for k in np.flatnonzero(time[:-1] - time[1:] > JUMP_US).tolist():
-        if all(time[k] > latest for _, latest in around.sides(place[k])):
-            out[k] = True
-        elif all(time[k + 1] < earliest for earliest, _ in around.sides(place[k + 1])):
-            out[k + 1] = True
-    if len(time) and around.beyond_all(time[-1], place[-1]):  # no row behind it steps back
-        out[-1] = True
+    back = np.flatnonzero(time[:-1] - time[1:] > JUMP_US)
+    late = around.later(time[back], place[back])
+    early = around.earlier(time[back + 1], place[back + 1])
+    out[back[late]] = True
+    out[back[early & ~late] + 1] = True
+    last = slice(-1, None)  # no row behind it steps back
+    ends = around.alone(time[last], place[last]) & around.later(time[last], place[last])
+    out[last] |= ends
     return out
 
 
