@@ -17,6 +17,9 @@ import numpy as np
 
 from gateway.ingest.mapping import (
     FIX_2D,
+    STATUS_ATTITUDE,
+    STATUS_POSITION,
+    STATUS_VELOCITY,
     UNIX_FROM_US,
     Column,
     Counter,
@@ -166,9 +169,9 @@ def estimator_status(m: Any) -> Facts:
     """
     heading = m.hdg_test_ratio if hasattr(m, "hdg_test_ratio") else m.mag_test_ratio
     ratios = (m.vel_test_ratio, m.pos_test_ratio, heading)
-    told = estimator_faults(
-        m.solution_status_flags, ESTIMATOR_GLITCH, tuple(np.nan_to_num(r) for r in ratios)
-    )
+    well = STATUS_ATTITUDE | STATUS_VELOCITY | STATUS_POSITION  # where nothing tells otherwise
+    flags = _bits(getattr(m, "solution_status_flags", np.full(np.shape(heading), well)))
+    told = estimator_faults(flags, ESTIMATOR_GLITCH, ratios)
     rejected = _bits(getattr(m, "innovation_check_flags", 0)) & REJECTED
     wrong = ((_bits(getattr(m, "filter_fault_flags", 0)) & FAULTY) | rejected) != 0
     return ((Quantity.ESTIMATOR, (_with_rejects(told, wrong),)),)

@@ -221,6 +221,15 @@ def test_the_newer_name_of_the_heading_and_the_flags_alone_are_read() -> None:
     assert told.values.tolist() == [[0.0], [16.0], [1.0]]
 
 
+def test_a_report_without_the_state_of_the_solution_tells_the_rest() -> None:
+    fields = TOPICS["estimator_status"].replace(";uint16_t solution_status_flags", "")
+    writer = UlogWriter(topics={"estimator_status": fields})
+    writer.add("estimator_status", SECOND, 0, 0.1, 0.1, 0.1, 0)
+    writer.add("estimator_status", 2 * SECOND, 0, 0.9, 0.1, 0.1, 0)
+    (samples,) = decoded(writer).of(Quantity.ESTIMATOR)
+    assert samples.values.tolist() == [[0.0], [16.0]]
+
+
 def test_the_ekf_in_use_counts_and_its_switches_are_told() -> None:
     writer = UlogWriter()
     for k in range(20):
