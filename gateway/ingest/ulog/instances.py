@@ -36,7 +36,7 @@ from gateway.ingest.ulog.mapping import (
 from sim.state import Floats
 
 LOWEST_US, HIGHEST_US = 800.0, 2200.0  # of all pulses that PX4's drivers can be set to
-STRAY = 0.01  # share of a channel's values that may be damaged
+STRAY = 0.01  # share of an instance's rows that may be damaged
 FIX_3D = 3
 SELECTOR, SELECTED = "estimator_selector_status", "primary_instance"
 TIMER = re.compile(r"PWM_(MAIN|AUX)_TIM\d+")  # protocol of a group of outputs
@@ -114,8 +114,11 @@ def _no_pulses(instance: int, values: Floats, settings: Mapping[str, float]) -> 
     """What an instance (K, 16) holds instead of pulses; empty where it holds pulses."""
     told = np.isfinite(values) & (values != 0.0)
     stray = told & ((values < LOWEST_US) | (values > HIGHEST_US))
-    if (stray.sum(axis=0) > STRAY * told.sum(axis=0)).any():
-        low, high = values[told].min(), values[told].max()
+    rows = np.count_nonzero(told.any(axis=1))
+    leaves = stray.sum(axis=0) > STRAY * rows  # an unused channel may hold nothing but damage
+    if leaves.any():
+        there = values[:, leaves][told[:, leaves]]
+        low, high = there.min(), there.max()
         return f"instance {instance} of {OUTPUTS} holds {low:g} … {high:g}, which are no pulses"
     timers = {v for name, v in settings.items() if TIMER.fullmatch(name)}
     if any(timer in DSHOT for timer in timers) and not any(timer > 0 for timer in timers):

@@ -78,6 +78,7 @@ def test_one_damaged_value_does_not_make_another_driver() -> None:
     for k in range(200):
         writer.add("actuator_outputs", 10 * SECOND + k, 1500.0, 1500.0, *EMPTY)
     writer.add("actuator_outputs", 11 * SECOND, 9e9, -3.0, *EMPTY)
+    writer.add("actuator_outputs", 12 * SECOND, 1500.0, 1500.0, 3e-43, *EMPTY[1:])  # nothing there
     assert choose(decoded(writer).samples)["commands"].source == "actuator_outputs"
 
 
