@@ -76,12 +76,16 @@ def numbers(column: NDArray[np.generic]) -> Floats:
 
 
 class ListedParameter(NamedTuple):
-    """One parameter as a message of the log told it; order and receipt as in `Table`."""
+    """One parameter as a message of the log told it; order and receipt as in `Table`.
+
+    changed  the log itself says that it had another value before, which need not be in it
+    """
 
     order: int
     receive_time_ns: int
     name: str
     value: float
+    changed: bool = False
 
 
 @dataclass(frozen=True)
@@ -345,8 +349,8 @@ def decode_tables(
 ) -> BoatSamples:
     """All samples of one boat by the rules of its log's format.
 
-    `instances` gives for some instance columns the number that counts instead of the rule's own, at
-    each place in the log (K,).
+    `instances` gives for some instance columns, of all messages or of one (MESSAGE.COLUMN), the
+    number that counts instead of the rule's own, at each place in the log (K,).
     """
     parts = [_rows(log.table(rule.message), rule, boat, instances or {}) for rule in rules]
     parts = [part for part in parts if len(part.order)]
@@ -367,7 +371,8 @@ def decode_tables(
 def _rows(table: Table, rule: Rule, boat: Boat, instances: Instances) -> _RuleRows:
     """The rows of this boat and of the instance that counts."""
     message = SimpleNamespace(**table.columns)
-    chosen = next((instances[name] for name in rule.instance if name in instances), None)
+    names = [key for name in rule.instance for key in (f"{rule.message}.{name}", name)]
+    chosen = next((instances[name] for name in names if name in instances), None)
     number = np.full(len(table), rule.number) if chosen is None else chosen(table.order)
     mine = table.sent_by(boat) & (np.asarray(instance_of(message, rule, number)) == number)
     picked = SimpleNamespace(

@@ -1,9 +1,9 @@
 """What happened in a log: a list in order (`shadow info --events`), and modes on the boat's clock.
 
 The list: arming and modes (of a ULog its `vehicle_status`, of a table its column `armed`), what the
-autopilot said (STATUSTEXT, MSG), changes of the parameters that say what its outputs are, what its
-filter said of itself, and, in a recording of ours, the events of the shadow. Its times count from
-the first message of the log, by its receipt.
+autopilot said (STATUSTEXT, MSG, the texts of a ULog), changes of the parameters that say what its
+outputs are, what its filter said of itself, and, in a recording of ours, the events of the shadow.
+Its times count from the first message of the log, by its receipt.
 
 On the boat's clock, a message stands between others whose time is known: its own is interpolated
 between theirs, by the order in which they were accepted. Modes are those of ArduPilot's Rover and
@@ -30,6 +30,8 @@ from sim.state import Ints
 ARMED = 128  # bit of a heartbeat's base_mode
 ARMING = {True: "armed", False: "disarmed"}
 STATUS = "vehicle_status"  # of PX4: its modes
+LOGGED = "logged_message"  # texts of a ULog
+PX4_EVENT = "event"  # of PX4's events interface: a number, whose text is in the firmware's metadata
 SEVERITIES = ("emergency", "alert", "critical", "error", "warning", "notice", "info", "debug")
 
 
@@ -116,6 +118,13 @@ def _said(log: Log, boat: Boat) -> Iterator[Row]:
         said = log.table("MSG")
         for at, text in zip(said.receive_time_ns.tolist(), _texts(said, "Message"), strict=True):
             yield at, "autopilot", "info", text
+    if LOGGED in counts:
+        said = log.table(LOGGED)
+        levels = said.columns["severity"].tolist()
+        rows = zip(said.receive_time_ns.tolist(), levels, _texts(said, "text"), strict=True)
+        yield from ((at, "autopilot", SEVERITIES[level], text) for at, level, text in rows)
+    if PX4_EVENT in counts:
+        yield from _px4_events(log.table(PX4_EVENT))
     if "STATUSTEXT" not in counts:
         return
     table, open_id, whole = log.table("STATUSTEXT"), 0, list[Row]()
@@ -132,6 +141,19 @@ def _said(log: Log, boat: Boat) -> Iterator[Row]:
         whole.append((int(table.receive_time_ns[k]), "autopilot", severity, texts[k]))
         open_id = number
     yield from whole
+
+
+def _px4_events(table: Table) -> Iterator[Row]:
+    """Events without their texts: by number and level; those only for protocols left out."""
+    with suppress(*UNREADABLE, KeyError):  # a log's own definition may lack a field
+        levels = table.columns["log_levels"].astype(np.int64) & 15  # what users are told
+        for at, number, level in zip(
+            table.receive_time_ns.tolist(), table.columns["id"].tolist(), levels.tolist(),
+            strict=True,
+        ):  # fmt: skip
+            if level < len(SEVERITIES):
+                text = f"event {int(number)} of PX4 (its text is in the firmware's metadata)"
+                yield at, "autopilot", SEVERITIES[level], text
 
 
 def _texts(table: Table, column: str) -> list[str]:
@@ -302,10 +324,15 @@ def _dataflash_text(columns: _Columns) -> _Events:
     return lambda k: (text(columns["Message"][k]), False)
 
 
+def _ulog_text(columns: _Columns) -> _Events:
+    return lambda k: (text(columns["text"][k]), int(columns["severity"][k]) <= WARNING)
+
+
 def _dataflash_error(columns: _Columns) -> _Events:
     return lambda k: (f"error {columns['ECode'][k]} of subsystem {columns['Subsys'][k]}", True)
 
 
 EVENTS: Mapping[str, Callable[[_Columns], _Events]] = {
     "STATUSTEXT": _statustext, "MSG": _dataflash_text, "ERR": _dataflash_error,
+    LOGGED: _ulog_text,
 }  # fmt: skip

@@ -67,11 +67,13 @@ EKF_GATE = 0.8  # square root of the test ratio: ArduPilot's own failsafe (FS_EK
 def estimator_faults(flags: Any, glitch: int, ratios: tuple[Any, ...]) -> Any:
     """Solution status of an autopilot's filter, square roots of its test ratios -> its faults.
 
-    The low bits are alike in EKF_STATUS_REPORT, ESTIMATOR_STATUS and XKF4; `glitch` is not.
+    The low bits are alike in EKF_STATUS_REPORT, ESTIMATOR_STATUS and XKF4; `glitch` is not. A ratio
+    of a sensor that there is not is NaN.
     """
     bits = np.asarray(flags, np.int64)
     constant = (bits & STATUS_CONSTANT_POSITION) != 0
-    rejects = np.max(np.asarray(np.broadcast_arrays(*ratios), np.float64), axis=0) >= EKF_GATE
+    largest = np.fmax.reduce(np.asarray(np.broadcast_arrays(*ratios), np.float64), axis=0)
+    rejects = largest >= EKF_GATE
     wrong = (
         ((bits & STATUS_ATTITUDE) == 0) * int(EstimatorFault.ATTITUDE)
         + ((bits & STATUS_VELOCITY) == 0) * int(EstimatorFault.VELOCITY)

@@ -1,28 +1,35 @@
 """Parameters of the autopilot that change inside a log, and what that does to its outputs.
 
 A parameter that is listed again with the value it had is no change, nor is its first listing. Of
-what changes, the outputs (SERVOn_FUNCTION, MIN, TRIM, MAX, REVERSED) and the gyro's filter decide
-how the log is read.
+what changes, the outputs (SERVOn_FUNCTION, MIN, TRIM, MAX, REVERSED; of PX4 those of `px4_outputs`)
+and the gyro's filter decide how the log is read. A ULog tells of a change as such, also of a
+parameter whose value before it does not hold.
 
 What a pulse does to a motor is the wiring's and not the parameter's: where a direction changes,
 either the motor was turned with it or it had run the wrong way before. The log cannot say which, so
 that no pulse is rewritten: the change is told, and a vessel file is held to be of one side of it.
 """
 
+import math
 import re
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from gateway.ingest.log import Boat, ListedParameter, Log, log_start_ns
 from gateway.ingest.mapping import Actuator, actuators
+from gateway.ingest.px4_outputs import DIRECTIONS, LIMITS
 
 DECIDES = re.compile(r"SERVO\d+_(FUNCTION|MIN|TRIM|MAX|REVERSED)|INS_GYRO_FILTER")
+DECIDE = (DECIDES, DIRECTIONS, LIMITS)
 ALIKE_US = 20.0  # pulse limits that differ by less are the same; chosen, not measured
 MOST_TOLD = 3  # changes in one sentence
 
 
 class ParameterChange(NamedTuple):
-    """One change; order and receipt are those of the message that tells the new value."""
+    """One change; order and receipt are those of the message that tells the new value.
+
+    before  NaN where the log does not hold it
+    """
 
     order: int
     receive_time_ns: int
@@ -31,6 +38,8 @@ class ParameterChange(NamedTuple):
     after: float
 
     def __str__(self) -> str:
+        if math.isnan(self.before):
+            return f"{self.name} becomes {self.after:g}"
         return f"{self.name} changes from {self.before:g} to {self.after:g}"
 
 
@@ -49,9 +58,9 @@ def parameter_changes(log: Log, boat: Boat) -> list[ParameterChange]:
 def _changes(listed: Iterable[ListedParameter]) -> Iterable[ParameterChange]:
     known: dict[str, float] = {}
     for one in listed:
-        before = known.get(one.name, one.value)
+        before = known.get(one.name, math.nan if one.changed else one.value)
         known[one.name] = one.value
-        if before != one.value and DECIDES.fullmatch(one.name):
+        if before != one.value and any(p.fullmatch(one.name) for p in DECIDE):
             yield ParameterChange(one.order, one.receive_time_ns, one.name, before, one.value)
 
 
@@ -68,7 +77,7 @@ def outputs_changes(log: Log, boat: Boat) -> list[OutputsChange]:
     for change in parameter_changes(log, boat):
         before = actuators(parameters)
         parameters = {**parameters, change.name: change.after}
-        if _differ(before, actuators(parameters)):
+        if _differ(before, actuators(parameters)) or _matters_to_px4(change):
             found.append(OutputsChange(change, parameters))
     return found
 
@@ -78,6 +87,13 @@ def _differ(before: list[Actuator], after: list[Actuator]) -> bool:
     kinds = [[(a.channel, a.function, a.reversed) for a in some] for some in (before, after)]
     limits = [[pulse for a in some for pulse in a.pwm] for some in (before, after)]
     return kinds[0] != kinds[1] or any(abs(a - b) > ALIKE_US for a, b in zip(*limits, strict=True))
+
+
+def _matters_to_px4(change: ParameterChange) -> bool:
+    """Whether a change of one of PX4's outputs is more than a few microseconds."""
+    by_little = abs(change.after - change.before) <= ALIKE_US  # not where it was not known
+    limits = LIMITS.fullmatch(change.name) is not None and not by_little
+    return limits or DIRECTIONS.fullmatch(change.name) is not None
 
 
 def outputs_notice(log: Log, boat: Boat) -> tuple[str, ...]:

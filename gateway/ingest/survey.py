@@ -19,6 +19,7 @@ from gateway.ingest.clock import SLEEP, ClockReport
 from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, boats_of, choose_boat, not_a_boat
 from gateway.ingest.mapping import Actuator, OutputFunction, actuators
 from gateway.ingest.parameter_changes import outputs_notice
+from gateway.ingest.px4_outputs import named_outputs
 from gateway.ingest.sources import PRIORITY, Choice, choose, uniform_grid
 from gateway.ingest.table_repair import repair_table
 from gateway.samples import Quantity, Samples
@@ -219,6 +220,7 @@ class BoatSurvey:
     parameters: int
     good_for: tuple[str, ...]
     notices: tuple[str, ...]  # what looks wrong with it
+    named_outputs: tuple[str, ...] = ()  # of PX4: which drives what, but not where that is
 
 
 @dataclass(frozen=True)
@@ -296,6 +298,7 @@ def _boat(log: Log, boat: Boat) -> BoatSurvey:
             *reconciled(repaired.choices).contradictions,
             *repaired.notices,
         ),
+        named_outputs(parameters),
     )
 
 

@@ -20,6 +20,7 @@ from gateway.errors import BadInput, printable
 from gateway.ingest.log import choose_floating
 from gateway.ingest.mapping import THRUST_FUNCTIONS, Actuator, OutputFunction, actuators
 from gateway.ingest.open import open_log
+from gateway.ingest.px4_outputs import named_only, named_outputs
 from gateway.offline.diagnose import (
     DIAGNOSIS_TRIALS,
     DiagnosisResult,
@@ -224,7 +225,8 @@ def begin_vessel(
         wiring = _outputs_text(outputs)
     else:
         outputs, wiring = assumed_actuators(trial)
-        wiring = f"the log does not say what its outputs drive: {wiring}"
+        named = named_only(named_outputs(parameters))
+        wiring = f"{named or 'the log does not say what its outputs drive'}: {wiring}"
     top = float(np.quantile(np.abs(trial.nu[trial.usable, Nu.U]), TOP_SPEED_SHARE))
     size = {"top_speed": max(round(top, 2), 0.1), **given}
     text = first_vessel(log, name_after(log), outputs, size)

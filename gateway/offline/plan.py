@@ -3,7 +3,8 @@
 Without a name the manoeuvre is chosen by what a diagnosis of a recording leaves open.
 
 Written are a Lua script for ArduPilot Rover (boats too) and tables of pulses and commands. The
-script ends a run at the safety limits, and sends no pulse outside the bounds of the plan.
+script ends a run at the safety limits, and sends no pulse outside the bounds of the plan. A boat
+whose recording says that another autopilot steers her gets none, and is told so.
 """
 
 import csv
@@ -21,6 +22,8 @@ from gateway.errors import BadInput
 from gateway.figures.matplotlib_draw import save_figure
 from gateway.figures.motion import plan_motion, plan_track
 from gateway.files import write_whole
+from gateway.ingest.log import choose_floating
+from gateway.ingest.open import open_log
 from gateway.offline.diagnose import DIAGNOSIS_TRIALS, diagnose_trials
 from gateway.offline.trials import TrialOptions
 from gateway.user_effects import known_effects
@@ -203,7 +206,10 @@ class PlanOptions:
 
 @dataclass(frozen=True)
 class PlanResult:
-    """A plan, its bounds, how the vessel answers to steps, and what was written."""
+    """A plan, its bounds, how the vessel answers to steps, and what was written.
+
+    unscripted  why there is no script; empty where there is one
+    """
 
     plan: Plan
     safety: SafetyLimits
@@ -211,6 +217,7 @@ class PlanResult:
     requested_throttle: float
     files: tuple[Path, ...]
     ranking: ManoeuvreRanking | None = None
+    unscripted: str = ""
 
     @property
     def within_radius(self) -> bool:
@@ -254,7 +261,7 @@ class PlanResult:
             "step_responses": self.step_responses.to_dict(),
             "files": [str(file) for file in self.files],
             "asked": None if self.ranking is None else self.ranking.to_dict(),
-        }
+        } | ({"notices": [self.unscripted]} if self.unscripted else {})  # fmt: skip
 
 
 def make_plan(
@@ -269,9 +276,22 @@ def make_plan(
     model = Model.of(vessel)
     plan = _plan_within(model, manoeuvre, options)
     safety = safety_for(plan, options.radius_m, options.highest_speed_mps, options.lowest_voltage_v)
-    files = _write_files(plan, safety, out) if out is not None else ()
-    throttle = options.throttle_limit
-    return PlanResult(plan, safety, step_responses(model), throttle, files, ranking)
+    unscripted = "" if log is None else runs_no_script(log, trials)
+    files = _write_files(plan, safety, out, not unscripted) if out is not None else ()
+    throttle, steps = options.throttle_limit, step_responses(model)
+    return PlanResult(plan, safety, steps, throttle, files, ranking, unscripted)
+
+
+def runs_no_script(path: Path, trials: TrialOptions) -> str:
+    """That the autopilot of a recording runs no Lua script of ArduPilot's; empty where it may."""
+    log = open_log(path, trials.mapping)
+    boat = choose_floating(log, trials.system, trials.anyway)
+    if boat.autopilot in ("", "ArduPilot"):  # a table names none
+        return ""
+    return (
+        f"{path}: {boat.autopilot} steers her, which runs no Lua script of ArduPilot's: none is "
+        "written, nothing ends a run at the limits, and the pulses are in the .csv"
+    )
 
 
 def choose_manoeuvre(
@@ -330,10 +350,11 @@ def plan_files(name: str | None, log: Path | None, out: Path) -> list[Path]:
     return [out / file.format(name) for name in names for file in WRITTEN]
 
 
-def _write_files(plan: Plan, safety: SafetyLimits, out: Path) -> tuple[Path, ...]:
+def _write_files(plan: Plan, safety: SafetyLimits, out: Path, scripted: bool) -> tuple[Path, ...]:
     script, pulses, commands, motion, track = plan_files(plan.manoeuvre.name, None, out)
+    lua = [write_script(plan, safety, version("shadow-gateway"), script)] if scripted else []
     return (
-        write_script(plan, safety, version("shadow-gateway"), script),
+        *lua,
         write_pulses(plan, pulses),
         write_commands(plan, commands),
         save_figure(plan_motion(plan), motion),

@@ -181,7 +181,7 @@ def source_of(log: Log, options: TrialOptions) -> "TrialSource":
     decoded = log.decode(boat)
     table = repair_table(decoded, choose(decoded.samples))
     choices, contradictions, deviation = reconciled(table.choices)
-    _check(log.path, choices, options)
+    _check(log.path, choices, options, decoded.notices)
     epoch_ns = decoded.sessions[0][0]
     origin = origin_of(decoded, choices)
     parameters = log.parameters(boat)
@@ -240,14 +240,17 @@ def outputs_of(parameters: Mapping[str, float]) -> tuple[Servo, ...]:
     )
 
 
-def _check(path: str, choices: Mapping[str, Choice], options: TrialOptions) -> None:
-    """One line about what is missing."""
+def _check(
+    path: str, choices: Mapping[str, Choice], options: TrialOptions, notices: Sequence[str]
+) -> None:
+    """One line about what is missing, with what could not be read."""
     if "yaw" not in choices:
         raise BadInput(f"{path}: no heading in it (ATTITUDE, ATT, …): cannot tell surge from sway")
     if "velocity" not in choices and "position" not in choices:
         raise BadInput(f"{path}: no velocity or position in it (LOCAL_POSITION_NED, XKF1, GPS, …)")
     if "commands" not in choices and not options.motion_only:
-        raise BadInput(f"{path}: no servo outputs in it (SERVO_OUTPUT_RAW, RCOU, …): no commands")
+        missing = "no servo outputs in it (SERVO_OUTPUT_RAW, RCOU, …): no commands"
+        raise BadInput(f"{path}: {'; '.join((missing, *notices))}")
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from gateway.ingest.log import Log, choose_floating
 from gateway.ingest.mapping import THRUST_FUNCTIONS, Actuator, OutputFunction, actuators
 from gateway.ingest.open import takes_mapping
 from gateway.ingest.parameter_changes import outputs_notice
+from gateway.ingest.px4_outputs import named_only, named_outputs
 from gateway.number_keys import file_key
 from gateway.toml_file import MAX_TOLD, explain, shortened
 from gateway.vessel_file import (
@@ -45,6 +46,7 @@ from sim.identification.parameters import UNITS
 from sim.model import parameters_of
 from sim.vessel import Dynamics, Hull, Rudder, Servo, Thruster, Vessel
 
+BY_HAND = "write the [[thrusters]] by hand, see configs/vessels"
 ASTERN = 0.75  # thrust astern over thrust ahead of a usual propeller; a rule of thumb
 _SIDES = {
     OutputFunction.THROTTLE: 0.0,
@@ -97,8 +99,10 @@ def init_vessel(
             f"{log.path}: no parameters in it (PARAM_VALUE, PARM): record from boot or fetch "
             "them with the ground station, or copy a file from configs/vessels"
         )
-    path = Path(log.path)
-    text = first_vessel(path, name or name_after(path), actuators(parameters), given)
+    path, outputs = Path(log.path), actuators(parameters)
+    if not outputs and (named := named_only(named_outputs(parameters))):
+        raise BadInput(f"{log.path}: {named}: {BY_HAND}")
+    text = first_vessel(path, name or name_after(path), outputs, given)
     write_whole(out, text.encode(), "the vessel file")
     return read_vessel_file(out)
 
@@ -164,8 +168,7 @@ def initial_vessel(
     steering = [a for a in found if a.kind is OutputFunction.STEERING]
     if not motors:
         raise BadInput(
-            "no output drives the boat (SERVOn_FUNCTION 70, 73, 74 or 33 to 36): "
-            "write the [[thrusters]] by hand, see configs/vessels"
+            f"no output drives the boat (SERVOn_FUNCTION 70, 73, 74 or 33 to 36): {BY_HAND}"
         )
     thrusters = tuple(
         _thruster(a, name, size) for a, name in zip(motors, _names(motors), strict=True)

@@ -173,35 +173,44 @@ def show_plan(done: PlanResult) -> None:
     out.print(f"tells of {plan.manoeuvre.reveals}", markup=False)
     out.print(_circle(done), markup=False)
     out.print(step_response_table(plan.vessel, done.step_responses))
+    if done.unscripted:
+        out.notices([done.unscripted])
+    else:
+        out.print(_what_stops_it(done), markup=False)
+    for file in done.files:
+        out.path("wrote", file)
+    if not done.unscripted:
+        out.print("how to run it aboard, safely: docs/plan.md")
+
+
+def _what_stops_it(done: PlanResult) -> str:
+    """The limits of the script."""
     pulses = (
-        f"{low}–{high} µs on {channel}" for channel, (low, high) in pulse_bounds(plan).items()
+        f"{low}–{high} µs on {channel}" for channel, (low, high) in pulse_bounds(done.plan).items()
     )
     volts = done.safety.lowest_voltage_v
     battery = "BATT_LOW_VOLT" if volts is None else f"{volts:g} V"
-    out.print(
+    return (
         f"the script stops, in Hold, beyond {done.safety.radius_m:g} m or "
         f"{done.safety.highest_speed_mps:g} m/s, below {battery}, outside {', '.join(pulses)}, "
-        "and when you move a stick, the switch or the mode",
-        markup=False,
+        "and when you move a stick, the switch or the mode"
     )
-    for file in done.files:
-        out.path("wrote", file)
-    out.print("how to run it aboard, safely: docs/plan.md")
 
 
 def _circle(done: PlanResult) -> str:
     plan, radius = done.plan, done.safety.radius_m
+    stops = "" if done.unscripted else ", where the script will stop"
     fast = f"predicted: at most {plan.speed.max():.1f} m/s, {plan.reach:.0f} m from the start"
     if not done.within_radius:
         return (
-            f"WARNING: {fast}: it leaves the circle of {radius:g} m after {done.leaves_at:.0f} s, "
-            f"where the script will stop. --seconds {done.clear_until:.0f} keeps it in; or give "
+            f"WARNING: {fast}: it leaves the circle of {radius:g} m after {done.leaves_at:.0f} s"
+            f"{stops}. --seconds {done.clear_until:.0f} keeps it in; or give "
             "more --radius, or another --excitation"
         )
     if done.close_to_edge:
         return (
             f"{fast}, within the circle of {radius:g} m but close to it: wind or current may carry "
-            f"it out, where the script will stop. --seconds {done.clear_until:.0f} keeps it clear"
+            f"it out{stops}. --seconds {done.clear_until:.0f} keeps it clear"
         )
     if plan.limits.throttle < done.requested_throttle:
         return (

@@ -5,6 +5,7 @@ from pathlib import Path
 from gateway.errors import shell_path
 from gateway.ingest.log import not_a_boat
 from gateway.ingest.mapping import THRUST_FUNCTIONS
+from gateway.ingest.px4_outputs import named_only
 from gateway.ingest.survey import BoatSurvey, Survey
 
 BOAT = Path("boat.toml")  # the name that commands are suggested with
@@ -35,9 +36,10 @@ def after_info(
     if unusable:
         return f"nothing can be compared in it: {unusable}"
     if not has_motors:
+        why = named_only(one.named_outputs) or "no parameter in the log names the motors"
         return (
-            f"write {BOAT} like a file in configs/vessels, with this boat's channels (no parameter "
-            f"in the log names the motors), then:\n  {compare}"
+            f"write {BOAT} like a file in configs/vessels, with this boat's channels ({why}), "
+            f"then:\n  {compare}"
         )
     if BOAT.exists():
         return f"if {BOAT} is this boat's:\n  {compare}\nelse:\n  {init}"

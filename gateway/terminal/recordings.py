@@ -77,6 +77,8 @@ def _show_boat(out: ResultConsole, one: BoatSurvey) -> None:
             f"servo {actuator.channel}: {actuator.kind.value}, "
             f"{low:.0f} – {neutral:.0f} – {high:.0f} µs{turned}"
         )
+    if one.named_outputs:
+        out.print(f"by PX4's parameters: {', '.join(one.named_outputs)}", markup=False)
     out.notices(one.notices)
     out.bullets(one.good_for)
 

@@ -57,6 +57,7 @@ if TYPE_CHECKING:
 
 
 SOURCES = 65536  # systems × components
+WHOLE = (1, 2, 3, 4, 5, 6)  # MAV_PARAM_TYPE of integers of up to 32 bits
 MAX_STEPS = 32  # of a receiver's clock that was set back; chosen
 LATE = 32  # a sequence number that steps back less than this is a late frame, not a loss
 
@@ -309,8 +310,10 @@ class MavlinkLog(Log):
         return decode_tables(self, boat, RULES)
 
     def listed_parameters(self, boat: Boat) -> list[ListedParameter]:
-        """All PARAM_VALUE, also of values told before."""
-        return self.table("PARAM_VALUE").listed("param_id", "param_value", boat)
+        """All PARAM_VALUE, also of values told before; PX4 sends whole numbers bit by bit."""
+        table = self.table("PARAM_VALUE")
+        columns = _whole_numbers(table) if boat.autopilot == "PX4" else table.columns
+        return replace(table, columns=columns).listed("param_id", "param_value", boat)
 
     def firmware(self, boat: Boat) -> str:
         """Banner of a STATUSTEXT, else the version of AUTOPILOT_VERSION."""
@@ -340,6 +343,19 @@ def _unstamped(raw: bytes) -> bool:
             return False
         at += int(length)
     return True
+
+
+def _whole_numbers(table: Table) -> dict[str, NDArray[np.generic]]:
+    """The columns of PARAM_VALUE, its integers read from the bits of the float that bears them; one
+    that is a whole number as a float was written so by somebody else.
+    """
+    columns = dict(table.columns)
+    told, kind = columns.get("param_value"), columns.get("param_type")
+    if told is None or kind is None or told.dtype != np.float32:
+        return columns
+    bits = np.ascontiguousarray(told).view(np.int32)
+    whole = np.isin(kind, WHOLE) & ~(np.isfinite(told) & (np.abs(told) >= 1.0))
+    return columns | {"param_value": np.where(whole, bits, np.asarray(told, np.float64))}
 
 
 def _version(table: Table, boat: Boat) -> str:

@@ -189,9 +189,8 @@ def ekf_status_report(m: Any) -> Facts:
 
 
 def estimator_status(m: Any) -> Facts:
-    """ESTIMATOR_STATUS -> the same of PX4's, whose ratios are squared."""
-    squared = (m.vel_ratio, m.pos_horiz_ratio, m.mag_ratio)
-    ratios = tuple(np.sqrt(np.maximum(np.asarray(r, np.float64), 0.0)) for r in squared)
+    """ESTIMATOR_STATUS -> the same of PX4's, whose ratios are roots already, as ArduPilot's are."""
+    ratios = m.vel_ratio, m.pos_horiz_ratio, m.mag_ratio
     return ((Quantity.ESTIMATOR, (estimator_faults(m.flags, ESTIMATOR_GLITCH, ratios),)),)
 
 

@@ -1,4 +1,4 @@
-"""ULog (.ulg): what a PX4 autopilot wrote on board, read by pyulog."""
+"""ULog (.ulg): what a PX4 autopilot wrote on board."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING

@@ -6,7 +6,8 @@ newer and the older names are read. Source: PX4-Autopilot, msg/*.msg and src/mod
 (v1.9 to v1.16).
 
 Where the log holds no pulses, the commands of motors and servos (−1 … 1, NaN: stopped) stand for
-them: 1100 … 1900 µs, motors 1 … 12 on channels 1 … 12, servos 1 … 8 on channels 13 … 20.
+them: 1100 … 1900 µs, motors 1 … 12 on channels 1 … 12, servos 1 … 8 on channels 13 … 20. Which
+instances are read, `instances.py` says.
 """
 
 from collections.abc import Callable
@@ -16,12 +17,17 @@ import numpy as np
 
 from gateway.ingest.mapping import (
     FIX_2D,
+    STATUS_ATTITUDE,
+    STATUS_POSITION,
+    STATUS_VELOCITY,
     UNIX_FROM_US,
     Column,
     Counter,
+    EstimatorFault,
     Facts,
     Rule,
     as_given,
+    estimator_faults,
     euler,
     heading_rate,
     known,
@@ -30,12 +36,19 @@ from gateway.ingest.mapping import (
     quaternion,
     servo_pulses,
 )
+from gateway.ingest.mavlink.mapping import ESTIMATOR_GLITCH
 from gateway.samples import Quantity
+from sim.state import Floats, Ints
 
 ARMED = 2  # vehicle_status.arming_state in all versions
 NEUTRAL_US, FULL_US = 1500.0, 400.0  # of a motor or servo at a command of 0; from there to ±1
 INSTANCE = "multi_id"  # column that numbers the instance of a topic
 OUTPUTS = "actuator_outputs"
+COMMANDS = ("actuator_motors", "actuator_servos")  # of the allocation, whatever drives them
+ESTIMATORS = ("estimator_status", "estimator_status_flags")  # one instance for each EKF that runs
+PORTS, PORT = 2, 16  # instances of outputs that have channels, and how many each has
+FAULTY = 0b11_0110_0000_1111  # heading, horizontal velocity and position met a numerical error
+REJECTED = 0b100_0011  # horizontal velocity, position, yaw
 
 
 def attitude(m: Any) -> Facts:
@@ -114,7 +127,7 @@ def gps(m: Any) -> Facts:
 
 
 def outputs(first: int) -> Callable[[Any], Facts]:
-    """One instance of actuator_outputs -> 16 channels; nothing where they never are pulses."""
+    """One instance of actuator_outputs, of pulses -> 16 channels."""
 
     def facts(m: Any) -> Facts:
         return _where_any(servo_pulses(first, [m.output[..., i] for i in range(16)]))
@@ -148,6 +161,41 @@ def battery(m: Any) -> Facts:
     return ((Quantity.VOLTAGE, (known(_either(m, "voltage_v", "voltage_filtered_v"), 0.0),)),)
 
 
+def estimator_status(m: Any) -> Facts:
+    """estimator_status -> what PX4's filter says is wrong with it.
+
+    Its test ratios are of innovations to their limits already, and not squared. The one of the
+    heading was called mag_test_ratio before v1.16.
+    """
+    heading = m.hdg_test_ratio if hasattr(m, "hdg_test_ratio") else m.mag_test_ratio
+    ratios = (m.vel_test_ratio, m.pos_test_ratio, heading)
+    well = STATUS_ATTITUDE | STATUS_VELOCITY | STATUS_POSITION  # where nothing tells otherwise
+    flags = _bits(getattr(m, "solution_status_flags", np.full(np.shape(heading), well)))
+    told = estimator_faults(flags, ESTIMATOR_GLITCH, ratios)
+    rejected = _bits(getattr(m, "innovation_check_flags", 0)) & REJECTED
+    wrong = ((_bits(getattr(m, "filter_fault_flags", 0)) & FAULTY) | rejected) != 0
+    return ((Quantity.ESTIMATOR, (_with_rejects(told, wrong),)),)
+
+
+def estimator_flags(m: Any) -> Facts:
+    """estimator_status_flags -> the same as far as it tells: what is rejected, what went wrong."""
+    names = ("reject_hor_vel", "reject_hor_pos", "reject_yaw", "fs_bad_hdg", "fs_bad_vel_n",
+             "fs_bad_vel_e", "fs_bad_pos_n", "fs_bad_pos_e")  # fmt: skip
+    flags = np.stack([_bits(getattr(m, name)) for name in names]).any(axis=0)
+    none = (_bits(m.cs_tilt_align) == 0) | (_bits(m.cs_yaw_align) == 0)
+    told = none * float(EstimatorFault.ATTITUDE)
+    return ((Quantity.ESTIMATOR, (_with_rejects(told, flags),)),)
+
+
+def _bits(flags: Column) -> Ints:
+    return np.asarray(np.nan_to_num(np.asarray(flags, np.float64)), np.int64)
+
+
+def _with_rejects(faults: Column, wrong: Column) -> Floats:
+    bits = np.asarray(faults, np.int64) | np.where(wrong, int(EstimatorFault.REJECTS), 0)
+    return np.asarray(bits, np.float64)
+
+
 def _either(m: Any, newer: str, older: str) -> Column:
     return getattr(m, newer if hasattr(m, newer) else older)
 
@@ -167,6 +215,19 @@ def _rule(
     )
 
 
+def output_rule(instance: int, port: int) -> Rule:
+    """One instance of actuator_outputs as the channels of a port, 0 or 1."""
+    first = 1 + PORT * port
+    return _rule(
+        OUTPUTS,
+        outputs(first),
+        "SERVO_OUTPUT_RAW",
+        f"/{instance}" if instance else "",
+        number=instance,
+        channels=(first, first + PORT - 1),
+    )
+
+
 WIND = {Quantity.WIND: "windspeed_north windspeed_east"}  # velocity of the air
 RULES: tuple[Rule, ...] = (
     _rule("vehicle_attitude", attitude, "ATTITUDE"),
@@ -179,10 +240,11 @@ RULES: tuple[Rule, ...] = (
     _rule("sensor_gps", gps, "GPS"),
     _rule("sensor_combined", sensor_combined, "HIGHRES_IMU"),
     _rule("vehicle_acceleration", acceleration),
-    _rule(OUTPUTS, outputs(1), "SERVO_OUTPUT_RAW", channels=(1, 16)),
-    _rule(OUTPUTS, outputs(17), "SERVO_OUTPUT_RAW", "/1", number=1, channels=(17, 32)),
+    output_rule(0, 0),
     _rule("actuator_motors", controls(1, 12), "ACTUATOR_OUTPUT_STATUS", channels=(1, 12)),
     _rule("actuator_servos", controls(13, 8), "ACTUATOR_OUTPUT_STATUS", channels=(13, 20)),
+    _rule("estimator_status", estimator_status, "ESTIMATOR_STATUS"),
+    _rule("estimator_status_flags", estimator_flags, "ESTIMATOR_STATUS"),
     _rule("vehicle_status", status, "HEARTBEAT"),
     _rule("battery_status", battery, "BATTERY_STATUS"),
     _rule("wind", as_given(WIND), "WIND_COV"),

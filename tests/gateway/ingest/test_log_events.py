@@ -7,17 +7,18 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gateway.ingest.log import boats_of
-from gateway.ingest.log_events import LogEvent, log_events
+from gateway.ingest.log import Log, boats_of
+from gateway.ingest.log_events import LogEvent, happenings, log_events
 from gateway.ingest.mcap.log import enclosure_of_file
 from gateway.ingest.open import open_log
+from gateway.ingest.parameter_changes import outputs_notice
 from gateway.json_rows import TopicRows, encode
 from gateway.recording.recorder import Recorder
 from tests.conftest import ROOT
 from tests.gateway.command_line import Run
 from tests.gateway.ingest import made_table
 from tests.gateway.ingest.dataflash_writer import voyage_log
-from tests.gateway.ingest.ulog_writer import as_ulog
+from tests.gateway.ingest.ulog_writer import TOPICS, UlogWriter, as_ulog
 from tests.gateway.offline.test_replay import TABLE_COLUMNS
 
 START_NS = 1_700_000_000_000_000_000
@@ -119,6 +120,67 @@ def test_a_ulog_tells_arming_and_modes_those_without_a_name_by_number(tmp_path: 
     (boat,) = boats_of(log)
     texts = [one.text for one in log_events(log, boat)]
     assert texts == ["armed", "mode mission", "disarmed", "mode 99"]
+
+
+def px4_log(writer: UlogWriter, folder: Path) -> Log:
+    """With a row at each end, so that seconds count from the first second of its clock."""
+    writer.add("battery_status", 1_000_000, 12.0)
+    writer.add("battery_status", 100_000_000, 12.0)
+    path = folder / "a.ulg"
+    path.write_bytes(writer.bytes())
+    return open_log(path)
+
+
+def test_a_ulog_tells_what_the_autopilot_said(tmp_path: Path) -> None:
+    writer = UlogWriter(topics={**TOPICS, "event": "uint32_t id;uint8_t log_levels"})
+    writer.said(31_000_000, 4, "Failsafe activated")
+    writer.said(41_000_000, 6, "Waypoint 3 reached", tag=7)
+    writer.add("event", 51_000_000, 1234, 0x63)
+    writer.add("event", 52_000_000, 1235, 0x68)  # for protocols alone
+    log = px4_log(writer, tmp_path)
+    (boat,) = boats_of(log)
+    told = [(round(one.time_s, 6), one.severity, one.text) for one in log_events(log, boat)]
+    assert told == [
+        (30.0, "warning", "Failsafe activated"),
+        (40.0, "info", "Waypoint 3 reached"),
+        (50.0, "error", "event 1234 of PX4 (its text is in the firmware's metadata)"),
+    ]
+    assert [(one.text, one.bad) for one in happenings(log, boat).events] == [
+        ("Failsafe activated", True), ("Waypoint 3 reached", False),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "before", "after", "told"),
+    [
+        ("PWM_MAIN_REV", 0, 1, "PWM_MAIN_REV changes from 0 to 1"),
+        ("PWM_MAIN_REV", None, 1, "PWM_MAIN_REV becomes 1"),
+        ("PWM_AUX_FUNC2", 101, 102, "PWM_AUX_FUNC2 changes from 101 to 102"),
+        ("UAVCAN_EC_MAX1", 8191, 4000, "UAVCAN_EC_MAX1 changes from 8191 to 4000"),
+        ("PWM_MAIN_MIN1", 1000, 1010, "PWM_MAIN_MIN1 changes from 1000 to 1010"),
+        ("CA_R_REV", 0, 3, "CA_R_REV changes from 0 to 3"),
+        ("MAV_SYS_ID", 1, 2, None),
+        ("PWM_MAIN_REV", 1, 1, None),
+    ],
+)
+def test_a_ulog_tells_which_outputs_are_set_otherwise(
+    tmp_path: Path, name: str, before: int | None, after: int, told: str | None
+) -> None:
+    writer = UlogWriter()
+    if before is not None:
+        writer.parameter(name, before)
+    writer.changed_parameter(61_000_000, name, after)
+    for k in range(2, 99):
+        writer.add("battery_status", 1_000_000 * k - 1, 12.0)
+    log = px4_log(writer, tmp_path)
+    (boat,) = boats_of(log)
+    texts = [(round(one.time_s), one.text) for one in log_events(log, boat)]
+    assert texts == ([(60, told)] if told else [])
+    matters = told is not None and name != "PWM_MAIN_MIN1"  # by ten microseconds
+    assert [text.startswith(f"{told} at 60 s") for text in outputs_notice(log, boat)] == (
+        [True] if matters else []
+    )
+    assert log.parameters(boat)[name] == after
 
 
 def test_the_command_prints_them_and_json_holds_them(run: Run) -> None:

@@ -1,11 +1,14 @@
 """What the autopilot's parameters say of its actuators."""
 
+import struct
+
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.ingest.log import choose_boat
 from gateway.ingest.log_events import LogEvent, log_events
 from gateway.ingest.mapping import OutputFunction, actuators
 from gateway.ingest.parameter_changes import changes_text, outputs_changes, outputs_notice
+from gateway.ingest.px4_outputs import named_only, named_outputs
 from gateway.ingest.survey import survey
 from tests.gateway.ingest.scripted import Script, attitude, heartbeat
 
@@ -24,6 +27,37 @@ def test_the_last_value_of_this_boat_counts() -> None:
     log = script.log()
     found = log.parameters(choose_boat(log))
     assert found == {"SERVO1_FUNCTION": 74.0, "SIXTEEN_CHARS_OK": 2.0}
+
+
+def test_px4_sends_whole_numbers_bit_by_bit() -> None:
+    def px4(name: str, value: int) -> object:
+        (bits,) = struct.unpack("<f", struct.pack("<i", value))
+        return dialect.MAVLink_param_value_message(name.encode(), bits, 6, 1, 0)
+
+    script = Script()
+    script.send(0.0, dialect.MAVLink_heartbeat_message(11, 12, 129, 0, 4, 3))
+    script.send(0.1, px4("PWM_MAIN_FUNC1", 101))
+    script.send(0.2, px4("PWM_MAIN_FUNC4", 102))
+    script.send(0.3, px4("SYS_HITL", -1))
+    script.send(0.4, parameter("MPC_XY_VEL_MAX", 2.5))
+    script.send(0.5, dialect.MAVLink_param_value_message(b"MAV_TYPE", 11.0, 6, 1, 0))
+    log = script.log()
+    boat = choose_boat(log)
+    assert log.parameters(boat) == {
+        "PWM_MAIN_FUNC1": 101.0, "PWM_MAIN_FUNC4": 102.0, "SYS_HITL": -1.0,
+        "MPC_XY_VEL_MAX": 2.5, "MAV_TYPE": 11.0,
+    }  # fmt: skip
+    (found,) = survey(log).boats
+    assert found.named_outputs == (
+        "motor 1 on output 1 of PWM_MAIN", "motor 2 on output 4 of PWM_MAIN",
+    )  # fmt: skip
+
+
+def test_many_outputs_are_not_all_told_in_one_sentence() -> None:
+    outputs = named_outputs({f"PWM_AUX_FUNC{k}": 100.0 + k for k in range(1, 13)})
+    assert len(outputs) == 12
+    assert "motor 4 on output 4 of PWM_AUX and 8 more, but not" in named_only(outputs)
+    assert named_only(()) == ""
 
 
 def test_functions_become_kinds_with_their_limits() -> None:

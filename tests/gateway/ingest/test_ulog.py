@@ -16,7 +16,14 @@ from gateway.ingest.survey import survey
 from gateway.ingest.ulog.log import UlogLog, ulog_from_bytes
 from gateway.ingest.ulog.mapping import RULES
 from gateway.samples import Quantity
-from tests.gateway.ingest.ulog_writer import TOPICS, UlogWriter, as_ulog, message, quaternion
+from tests.gateway.ingest.ulog_writer import (
+    MAGIC,
+    TOPICS,
+    UlogWriter,
+    as_ulog,
+    message,
+    quaternion,
+)
 
 VOYAGE = Path(__file__).resolve().parents[3] / "recordings" / "voyage_1.tlog"
 UTC_US = 1_700_000_000_000_000
@@ -264,12 +271,13 @@ def empty() -> bytes:
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        (b"ULog", "Header too short"),
-        (b"ULog" + bytes(100), "Failed to parse header"),
+        (b"ULog", "ends inside its header"),
+        (b"ULog" + bytes(100), "header is damaged"),
+        (MAGIC + bytes(9) + message("B", bytes(8) + b"\x02" + bytes(31)), "flag that is not known"),
         (empty(), "holds no data"),
         (empty()[:20], "holds no data"),
         (empty() + bytes(5000), "holds no data"),
-        (empty() + message("F", b"x:uint64_t timestamp;") + b"\xff\xffz", "damaged near its start"),
+        (empty() + message("F", b"x:uint64_t timestamp;") + b"\xff\xffz", "holds no data"),
     ],
 )
 def test_what_holds_nothing_gets_one_clear_line(

@@ -16,7 +16,10 @@ from gateway.samples import Quantity
 
 MAGIC = b"ULog\x01\x12\x35"
 SYNC, SYNC_US = b"\x2f\x73\x13\x20\x25\x0c\xbb\x12", 500_000  # a reader finds its way back by it
-CODES = {"uint64_t": "Q", "float": "f", "double": "d", "uint8_t": "B", "int32_t": "i", "bool": "?"}
+CODES = {
+    "uint64_t": "Q", "float": "f", "double": "d", "uint8_t": "B", "int32_t": "i", "bool": "?",
+    "uint16_t": "H", "uint32_t": "I",
+}  # fmt: skip
 TOPICS = {  # fields behind the timestamp, as PX4 v1.14 has them
     "vehicle_attitude": "float[4] q",
     "vehicle_angular_velocity": "float[3] xyz",
@@ -32,6 +35,16 @@ TOPICS = {  # fields behind the timestamp, as PX4 v1.14 has them
     ),
     "actuator_outputs": "float[16] output",
     "actuator_motors": "float[12] control",
+    "actuator_servos": "float[8] control",
+    "estimator_selector_status": "uint8_t primary_instance",
+    "estimator_status": (
+        "uint32_t filter_fault_flags;float mag_test_ratio;float vel_test_ratio;"
+        "float pos_test_ratio;uint16_t innovation_check_flags;uint16_t solution_status_flags"
+    ),
+    "sensor_gps": (
+        "uint64_t time_utc_usec;double latitude_deg;double longitude_deg;float vel_n_m_s;"
+        "float vel_e_m_s;uint8_t fix_type;bool vel_ned_valid"
+    ),
     "vehicle_status": "uint8_t arming_state;uint8_t system_type;uint8_t nav_state",
     "battery_status": "float voltage_v",
     "wind": "float windspeed_north;float windspeed_east",
@@ -69,6 +82,12 @@ class UlogWriter:
         body = named("P", f"int32_t {name}", struct.pack("<i", value))
         self.rows.append((time_us, body))
 
+    def said(self, time_us: int, level: int, text: str, tag: int | None = None) -> None:
+        """A text of the autopilot; 0 is the worst level, 7 the least."""
+        stamp = struct.pack("<Q", time_us) + text.encode()
+        head = bytes([ord("0") + level]) + (b"" if tag is None else struct.pack("<H", tag))
+        self.rows.append((time_us, message("L" if tag is None else "C", head + stamp)))
+
     def dropout(self, time_us: int, milliseconds: int) -> None:
         self.rows.append((time_us, message("O", struct.pack("<H", milliseconds))))
 
@@ -87,8 +106,12 @@ class UlogWriter:
         )
         self.rows.append((time_us, message("D", packed)))
 
-    def bytes(self) -> bytes:
-        header = MAGIC + b"\x01" + struct.pack("<Q", self.start_us)
+    def bytes(self, *, sync: bool = True, sort: bool = True, appended_from: int = 0) -> bytes:
+        """The file: rows by time or, for a clock that restarts, as they were added.
+
+        appended_from  rows from this time [µs] on stand behind what the flags call appended, and a
+                       message that was cut stands before them
+        """
         used = dict.fromkeys(topic for topic, _ in self.ids)
         formats = [
             message("F", f"{topic}:uint64_t timestamp;{self.topics[topic]};".encode())
@@ -99,10 +122,16 @@ class UlogWriter:
             for (topic, instance), number in self.ids.items()
         ]
         syncs = range(self.start_us, max((t for t, _ in self.rows), default=0), SYNC_US)
-        timed = [*((t, message("S", SYNC)) for t in syncs), *self.rows]
-        rows = [row for _, row in sorted(timed, key=lambda pair: pair[0])]
-        parts = [header, message("B", bytes(40)), *formats, *self.head, *added, *rows]
-        return b"".join(parts)
+        timed = [*((t, message("S", SYNC)) for t in syncs if sync), *self.rows]
+        rows = sorted(timed, key=lambda pair: pair[0]) if sort else timed
+        late = [row for t, row in rows if appended_from and t >= appended_from]
+        head = b"".join([*formats, *self.head, *added])
+        body = b"".join(row for t, row in rows if not appended_from or t < appended_from)
+        body += late[0][:-3] if late else b""
+        header = MAGIC + b"\x01" + struct.pack("<Q", self.start_us)
+        offset = len(header) + 43 + len(head) + len(body)
+        flags = struct.pack("<8x8B3Q", bool(late), *bytes(7), offset if late else 0, 0, 0)
+        return b"".join([header, message("B", flags), head, body, *late])
 
 
 def quaternion(yaw: float, roll: float, pitch: float) -> tuple[float, float, float, float]:

@@ -13,6 +13,7 @@ from gateway.offline.report import report_from_log
 from gateway.offline.trials import DEFAULT_TRIALS, load_trials
 from sim.trial import Trial
 from tests.conftest import ROOT
+from tests.gateway.ingest.ulog_writer import as_ulog
 from tests.sim.voyages import WAM_V, simulated
 
 LOG = ROOT / "recordings/voyage_1.tlog"
@@ -64,6 +65,16 @@ def test_what_is_given_is_not_said_to_be_assumed(trial: Trial) -> None:
     for word in ("assumed", "mass", "top speed", "in proportion"):
         assert word not in text
     assert "mass = 80.0" in file
+
+
+def test_motors_that_px4_names_are_said_to_be_named(trial: Trial, tmp_path: Path) -> None:
+    written, path = as_ulog(LOG), tmp_path / "a.ulg"
+    written.head = []
+    written.parameter("PWM_MAIN_FUNC1", 101.0)
+    path.write_bytes(written.bytes())
+    _, said = begin_vessel(path, {}, trial, DEFAULT_TRIALS)
+    assert "PX4 names motor 1 on output 1 of PWM_MAIN, but not where" in said[-1]
+    assert "output 3 is taken for" in said[-1] or "output 3 for" in said[-1]
 
 
 def test_a_size_that_is_none_is_one_line() -> None:

@@ -18,10 +18,13 @@ from sim.excitation import TOLERANCE, StickLimits, corner_rows, manoeuvre_sticks
 from sim.excitation.catalogue import Chirp
 from sim.model import Model
 from sim.prediction.free_runs import DivergedError
+from tests.gateway.ingest.ulog_writer import as_ulog
 from tests.sim.vessels import IACQUABOT, RUDDER_BOAT, WAMV
 from tests.sim.voyages import WAM_V, simulated
 
-SHIPPED = sorted((Path(__file__).resolve().parents[3] / "configs/vessels").glob("*.toml"))
+ROOT = Path(__file__).resolve().parents[3]
+SHIPPED = sorted((ROOT / "configs/vessels").glob("*.toml"))
+VOYAGES = ROOT / "recordings"
 
 
 def planned(tmp_path, vessel=WAMV, **options):
@@ -41,6 +44,34 @@ def test_it_writes_script_tables_and_pictures(tmp_path):
     for file in done.files[3:]:
         with Image.open(file) as image:
             assert image.width > 1000
+
+
+def ulog(folder):
+    """A boat that PX4 steers."""
+    path = folder / "px4.ulg"
+    path.write_bytes(as_ulog(VOYAGES / "otter_piece.tlog").bytes())
+    return path
+
+
+@pytest.mark.parametrize("radius_m", [1e3, 2.0])
+def test_a_boat_that_another_autopilot_steers_gets_no_lua_script(tmp_path, capsys, radius_m):
+    log, options = ulog(tmp_path), PlanOptions(excitation="zigzag", radius_m=radius_m)
+    done = make_plan(WAMV, options, tmp_path / "out", log)
+    assert [file.suffix for file in done.files] == [".csv", ".csv", ".png", ".png"]
+    assert not (tmp_path / "out" / "zigzag.lua").exists()
+    (notice,) = done.to_dict()["notices"]
+    assert notice.startswith(f"{log}: PX4 steers her, which runs no Lua script")
+    show_plan(done)
+    said = " ".join(capsys.readouterr().out.split())
+    assert "PX4 steers her" in said
+    assert "the script" not in said
+
+
+def test_a_boat_that_ardupilot_steers_gets_one(tmp_path):
+    options = PlanOptions(excitation="zigzag")
+    done = make_plan(WAMV, options, tmp_path / "out", VOYAGES / "otter_piece.tlog")
+    assert done.files[0].suffix == ".lua"
+    assert "notices" not in done.to_dict()
 
 
 @pytest.mark.parametrize(

@@ -456,10 +456,19 @@ def test_flags_of_ardupilots_filter(flags: int, ratio: float, fault: SensorFault
     assert set(bits.tolist()) == {0 if fault is None else int(fault)}
 
 
-@pytest.mark.parametrize(("flags", "ratio", "bits"), [(831, 0.3, 0), (1, 0.3, 6), (831, 0.9, 16)])
+@pytest.mark.parametrize(
+    ("flags", "ratio", "bits"), [(831, 0.3, 0), (1, 0.3, 6), (831, 0.7, 0), (831, 0.9, 16)]
+)
 def test_flags_of_px4s_filter(flags: int, ratio: float, bits: int) -> None:
     message = dialect.MAVLink_estimator_status_message(0, flags, ratio, ratio, 0, 0, 0, 0, 0, 0)
     assert float(estimator_status(message)[0][1][0]) == bits
+
+
+def test_a_sensor_that_there_is_not_hides_no_other() -> None:
+    message = dialect.MAVLink_estimator_status_message(
+        0, 831, float("nan"), 0.9, 0, 0, 0, 0, 0, 0
+    )  # fmt: skip
+    assert float(estimator_status(message)[0][1][0]) == 16
 
 
 def test_each_fault_has_words_of_its_own_and_every_freeze_can_be_played() -> None:

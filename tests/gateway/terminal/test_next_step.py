@@ -17,9 +17,11 @@ from gateway.terminal.next_step import after_info, after_init, log_words
 from tests.conftest import ROOT
 from tests.gateway.command_line import Run, one_line
 from tests.gateway.ingest.scripted import heartbeat
+from tests.gateway.ingest.ulog_writer import as_ulog
 from tests.gateway.offline.test_replay import TABLE_COLUMNS
 from tests.gateway.pipelines.sailing import parameters, tlog, voyage
 
+PIECE = ROOT / "recordings" / "otter_piece.tlog"
 COMMANDED = TABLE_COLUMNS + 'channel_1 = { column = "left", unit = "us" }\n'
 
 
@@ -77,6 +79,34 @@ def test_what_is_missing_is_said_where_nothing_works(tmp_path: Path) -> None:
     text = next_step(found, tmp_path / "columns of mine.toml")
     assert text.startswith("nothing can be compared in it: no servo outputs in it")
     assert "shadow " not in text
+
+
+def px4_boat(folder: Path, **settings: float) -> Path:
+    """A ULog of a boat under way, with these parameters."""
+    written, path = as_ulog(PIECE), folder / "px4.ulg"
+    written.head = []
+    for name, value in settings.items():
+        written.parameter(name, value)
+    path.write_bytes(written.bytes())
+    return path
+
+
+def test_motors_that_px4_names_are_told_and_not_denied(run: Run, tmp_path: Path) -> None:
+    path = px4_boat(tmp_path, PWM_MAIN_FUNC1=101, PWM_MAIN_FUNC3=102, UAVCAN_SV_FUNC2=201)
+    named = (
+        "PX4 names motor 1 on output 1 of PWM_MAIN, motor 2 on output 3 of PWM_MAIN, servo 1 on "
+        "output 2 of UAVCAN_SV, but not where on the boat they are"
+    )
+    text = next_step(survey(open_log(path)))
+    assert f"with this boat's channels ({named})" in text
+    one_line(run("init", path, "--out", tmp_path / "b.toml"), 2, named, "[[thrusters]] by hand")
+    told = run("info", path).out
+    assert "by PX4's parameters: motor 1 on output 1 of PWM_MAIN" in told.replace("\n", " ")
+
+
+def test_where_no_parameter_names_a_motor_that_is_told(tmp_path: Path) -> None:
+    path = px4_boat(tmp_path, MAV_TYPE=11, PWM_MAIN_FUNC1=0, PWM_MAIN_FUNC2=400)  # a camera
+    assert "no parameter in the log names the motors" in next_step(survey(open_log(path)))
 
 
 def disarmed(folder: Path) -> Path:
