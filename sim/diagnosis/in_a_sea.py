@@ -46,6 +46,7 @@ class _SeaSearch(EffectSearch):
         base, fit = (under_own_colour(_over_shortest_runs(each)) for each in (base, fit))
         steps, fit = self._grown_and_exchanged(steps, fit, self._next(steps, fit))
         steps, fit = self._made_simpler(*self._backward(steps, fit))
+        steps, fit = self._of_each_day(steps, fit)
         return self.selection(base, first, steps, fit)
 
     def _trains(self, base: Fit, first: Ranking) -> tuple[list[Ranking], Fit]:
