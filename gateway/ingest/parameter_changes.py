@@ -16,7 +16,7 @@ from typing import NamedTuple
 from gateway.ingest.log import Boat, ListedParameter, Log, log_start_ns
 from gateway.ingest.mapping import Actuator, actuators
 
-DECIDES = re.compile(r"SERVO\d+_(FUNCTION|MIN|TRIM|MAX|REVERSED)|INS_GYRO_FILTER")
+DECIDES = re.compile(r"SERVO\d+_(FUNCTION|MIN|TRIM|MAX|REVERSED)|INS_GYRO_FILTER|IMU_GYRO_CUTOFF")
 ALIKE_US = 20.0  # pulse limits that differ by less are the same; chosen, not measured
 MOST_TOLD = 3  # changes in one sentence
 
