@@ -207,7 +207,7 @@ def why_not_texts(
     contradicted   effects whose own curve points away from what is missing
     """
     tied = {step.effects[-1] for step in rivals(d)}
-    chance = {row.effect: row.probability for row in d.ranking}
+    chance = {row.effect: row.probability for row in d.told_ranking}
     shown = {True: "It would help here, and is not believed", False: "These data cannot show it"}
     out = {each.effect: f"{shown[each.doubted]}: {each.reason}." for each in d.refused}
     for step in d.alternatives:

@@ -232,14 +232,15 @@ def test_the_timeline_shows_what_changed_and_when():
 def rejected(*, alone: float, found: float = 0.12, base: float = 0.6, tied: bool = False) -> Any:
     """heading_offset was chosen; cg_offset was fitted too."""
     row = SimpleNamespace
+    rows = [row(effect="heading_offset", probability=0.9,
+                confounded_with=("cg_offset",) if tied else ()),
+            row(effect="cg_offset", probability=0.01,
+                confounded_with=("heading_offset",) if tied else ())]  # fmt: skip
     return SimpleNamespace(
         effects=("heading_offset",),
         ladder=[step(error=0.7), step(error=base), step("heading_offset", error=found)],
         alternatives=[step("cg_offset", error=alone)],
-        ranking=[row(effect="heading_offset", probability=0.9,
-                     confounded_with=("cg_offset",) if tied else ()),
-                 row(effect="cg_offset", probability=0.01,
-                     confounded_with=("heading_offset",) if tied else ())],
+        ranking=rows, told_ranking=rows,
         refused=[Refusal("battery_sag", "the voltage hardly changed"),
                  Refusal("antenna_offset", "it wins nothing elsewhere", doubted=True)],
     )  # fmt: skip
