@@ -372,8 +372,8 @@ class Session:
 
 def _portable(file: Path) -> tuple[str, tuple[EffectFile, ...]]:
     """The text of a vessel file without paths that hold only where it lies, and those paths."""
-    text = file.read_text(encoding="utf-8")
     entries = read_vessel_file(file).effects
+    text = file.read_text(encoding="utf-8")
     named = [e["file"] for e in entries if "file" in e]
     paths = tuple(EffectFile(str(effect_file_beside(file, one)), named=False) for one in named)
     if not paths:

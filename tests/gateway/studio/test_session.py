@@ -14,6 +14,7 @@ from gateway.figures.diagnosis import LadderBar
 from gateway.studio import AlternativeView, DiagnosisView, LadderView, TrialView, tasks
 from gateway.studio.access import Folders
 from gateway.studio.session import Session, with_values
+from gateway.studio.signals import SignalRequest, signals_task
 from gateway.studio.tasks import compare_task, report_task
 from gateway.studio.worker import JobMessage
 from gateway.vessel_file import load_vessel
@@ -130,6 +131,16 @@ def test_a_number_moved_by_hand_loses_its_origin(session):
     session.slide(text, "fitted")
     tables = tomllib.loads(with_values(session.version, {"m11": 40.0}))
     assert "dynamics.m11" not in tables["provenance"]
+
+
+def test_a_recording_or_vessel_that_is_gone_is_told_in_a_line(session, tmp_path):
+    gone, send = str(tmp_path / "gone.tlog"), lambda _: None
+    found = compare_task(send, [gone], [("as given", BOAT.read_text())], ())
+    assert found.refused == {gone: f"gone.tlog is no longer there ({gone})"}
+    with pytest.raises(BadInput, match="gone.tlog is no longer there"):
+        signals_task(send, SignalRequest(gone, ()))
+    with pytest.raises(BadInput, match="cannot read the vessel file"):
+        session.set_vessel(tmp_path / "gone.toml")
 
 
 def test_files_elsewhere_are_not_taken(session):
