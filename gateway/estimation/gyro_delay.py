@@ -62,5 +62,5 @@ def assumed_texts(parameters: Mapping[str, float], autopilot: str) -> tuple[str,
         return (f"{unknown}: up to {allowed} are allowed for",)
     return (
         f"{unknown}: the {1e3 * gyro_delay_s(usual):.0f} ms of {autopilot}'s usual {usual:g} Hz "
-        f"are assumed, and {allowed} more or less allowed for",
+        f"are taken, and {allowed} more or less allowed for",
     )

@@ -63,7 +63,7 @@ def test_what_is_assumed_is_the_usual_filter_and_is_said():
     assert gyro_delay_of({}).seconds == 0.0
     assert assumed_texts({"INS_GYRO_FILTER": 4.0}, "ArduPilot") == ()
     (text,) = assumed_texts({}, "ArduPilot")
-    assert "(INS_GYRO_FILTER): the 56 ms of ArduPilot's usual 4 Hz are assumed" in text
+    assert "(INS_GYRO_FILTER): the 56 ms of ArduPilot's usual 4 Hz are taken" in text
     assert "up to 60 ms" in assumed_texts({}, "")[0]
     set_by_hand = FilterSettings(gyro_delay_std_s=0.01)
     assert set_by_hand.with_parameters({}, "PX4") is set_by_hand

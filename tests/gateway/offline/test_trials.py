@@ -97,7 +97,7 @@ def test_what_is_assumed_of_the_gyro_is_told_where_no_parameter_tells_it() -> No
     script = Script()
     circle(script, 100.0, 0.0, 20.0)
     (told,) = (text for text in one(script).notices if "delay of the yaw rate" in text)
-    assert "(INS_GYRO_FILTER): the 56 ms of ArduPilot's usual 4 Hz are assumed" in told
+    assert "(INS_GYRO_FILTER): the 56 ms of ArduPilot's usual 4 Hz are taken" in told
     script.send(20.0, parameter("INS_GYRO_FILTER", 4.0))
     assert not any("delay of the yaw rate" in text for text in one(script).notices)
 
