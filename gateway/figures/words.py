@@ -12,6 +12,7 @@ from sim.effects.effect import Effect
 from sim.effects.words import FittedValues
 from sim.identification import BASE, MASSES
 from sim.identification.intervals import Estimate
+from sim.identification.light_inertia import too_light
 from sim.vessel import Vessel
 
 MAY_BE_NONE = "these data allow that there is none"
@@ -254,6 +255,13 @@ def said(effect: str) -> str:
 
 def diagnosis_texts(d: Diagnosis) -> tuple[str, ...]:
     """The answer in sentences, what matters first; it claims no more than the verdict does."""
+    last = d.ladder[-1]
+    light = too_light(last.base_parameters, last.vessel)
+    return (*_answer_texts(d), *(f"{text}." for text in light))
+
+
+def _answer_texts(d: Diagnosis) -> tuple[str, ...]:
+    """What was found, and what is missing."""
     last = d.ladder[-1]
     begun = d.start_time_ns
     causes = [cause_text(last, name, begun) for name in last.effects]
