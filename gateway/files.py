@@ -119,7 +119,7 @@ class OutputGuard:
     def note(self, file: Path) -> None:
         """Remember that this command wrote that file, as it is now."""
         self.written.add(file.absolute())
-        stamp = _stamp(file)
+        stamp = stamp_of(file)
         if stamp is not None:
             remember(WRITTEN, str(file.resolve()), {"command": self.command, "stamp": stamp})
 
@@ -215,11 +215,11 @@ def wrote(command: str, file: Path) -> bool:
     entry = recall(WRITTEN, str(file.resolve()))
     return entry is not None and (entry.get("command"), entry.get("stamp")) == (
         command,
-        _stamp(file),
+        stamp_of(file),
     )
 
 
-def _stamp(file: Path) -> list[int] | None:
+def stamp_of(file: Path) -> list[int] | None:
     """Size [bytes] and time of the last change [ns]; None where there is no such file."""
     try:
         found = file.stat()

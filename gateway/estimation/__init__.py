@@ -9,7 +9,6 @@ boat's acceleration is a first-order Gauss-Markov process too (R. A. Singer, IEE
 Aerospace and Electronic Systems, 1970).
 """
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import IntEnum, IntFlag
@@ -18,6 +17,7 @@ from typing import NamedTuple
 from scipy.special import chdtri
 
 from gateway.errors import BadInput
+from gateway.estimation.gyro_delay import gyro_delay_of
 from sim.trial import MOTION
 
 
@@ -83,9 +83,9 @@ GATE_RECORDS = len(GateRecord)
 
 
 SMALLEST, LARGEST = 1e-9, 1e6  # of any number of the table, in SI
-LOWEST_CUTOFF_HZ = 0.1
 BOUNDS = {  # narrower where a wild value would cost time or memory without end
     "gyro_delay_s": (0.0, 10.0),
+    "gyro_delay_std_s": (0.0, 10.0),
     "max_step_s": (1e-3, LARGEST),
     "history_events": (2, 100_000),
 }
@@ -160,6 +160,7 @@ class FilterModel(NamedTuple):
     velocity_error_tau_s: float
     heading_error_rad: float
     gyro_delay_s: float
+    gyro_delay_std_s: float
     gated_in_a_row: float
     gated_for_s: float
     max_late_s: float
@@ -171,17 +172,6 @@ class FilterModel(NamedTuple):
     prior_yaw_rate_radps: float
     gate_one: float  # NIS of a measurement with one component
     gate_two: float
-
-
-def gyro_delay_s(cutoff_hz: float) -> float:
-    """Cut-off of the autopilot's gyro filter [Hz] (INS_GYRO_FILTER) -> delay of its yaw rate [s].
-
-    That of a second-order Butterworth low-pass for slow motion. 0 Hz means no filter; a cut-off
-    below what a boat can be steered with is none either.
-    """
-    if not cutoff_hz >= LOWEST_CUTOFF_HZ:
-        return 0.0
-    return math.sqrt(2.0) / (2.0 * math.pi * cutoff_hz)
 
 
 @dataclass(frozen=True)
@@ -200,6 +190,7 @@ class FilterSettings:
     velocity_error_tau_s: float = 2.0
     heading_error_rad: float = 0.02  # slow; see `filter.heading_slope`
     gyro_delay_s: float = 0.0  # of the reported yaw rate; see `with_parameters`
+    gyro_delay_std_s: float = 0.0  # of what is not known of that delay
     sources: Mapping[str, WhiteNoise] = field(default_factory=lambda: SOURCES)
     gate_probability: float = 0.999999  # share of measurements with the assumed errors that pass
     gated_in_a_row: int = 10  # so many outliers …
@@ -223,11 +214,17 @@ class FilterSettings:
         if self.gate_probability >= 1.0:
             raise BadInput(f"[filter] gate_probability = {self.gate_probability}: expected < 1")
 
-    def with_parameters(self, parameters: Mapping[str, float]) -> "FilterSettings":
-        """The same with the delay of the autopilot's gyro filter, where its parameters hold it."""
-        if self.gyro_delay_s > 0.0 or "INS_GYRO_FILTER" not in parameters:
+    def with_parameters(
+        self, parameters: Mapping[str, float], autopilot: str = ""
+    ) -> "FilterSettings":
+        """The same with the delay of the autopilot's gyro filter, assumed where nothing tells it.
+
+        A delay that was set already stays.
+        """
+        if self.gyro_delay_s > 0.0 or self.gyro_delay_std_s > 0.0:
             return self
-        return replace(self, gyro_delay_s=gyro_delay_s(parameters["INS_GYRO_FILTER"]))
+        delay = gyro_delay_of(parameters, autopilot)
+        return replace(self, gyro_delay_s=delay.seconds, gyro_delay_std_s=delay.std_s)
 
     def white_std(self, kind: MeasurementKind, source: str) -> float:
         """Standard deviation of the white error of one kind of measurement from one message."""

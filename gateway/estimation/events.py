@@ -313,6 +313,9 @@ def update_gated(
     elif kind != MeasurementKind.YAW and (yaw_seen == 0.0 or P[State.YAW, State.YAW] > LOST_YAW**2):
         return 0.0, 0, WAITING
     work.R[0], work.R[1] = event.std[0] * event.std[0], event.std[1] * event.std[1]
+    if kind == MeasurementKind.YAW_RATE:  # what is not known of its delay
+        squared = at[State.R_DOT] ** 2 + P[State.R_DOT, State.R_DOT]  # mean of it [rad²/s⁴]
+        work.R[0] += model.gyro_delay_std_s**2 * squared
     nis = innovation_covariance(P, m, work)
     flags = USED
     bound = model.gate_one if m == 1 else model.gate_two

@@ -17,7 +17,7 @@ Electronic Systems 6(4), 1970.
     acceleration: (u̇ − r v, v̇ + r u)
 
 Units rad, rad/s, m, m/s, m/s²; the e are the coloured errors of the sensors, d is the delay of
-the gyro's low-pass filter.
+the gyro's low-pass filter; what is not known of it, of std σ_d, adds σ_d² E[ṙ²] to R.
 
     y = z − h(x)    S = H P Hᵀ + R    K = P Hᵀ S⁻¹
     x ← x + K y     P ← (I − K H) P (I − K H)ᵀ + K R Kᵀ      R diagonal

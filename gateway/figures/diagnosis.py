@@ -239,7 +239,7 @@ def ladder(diagnosis: Diagnosis) -> FigureData:
 
 def ranking(diagnosis: Diagnosis) -> FigureData:
     """Each effect alone beside the re-fitted base: its error, and below how probable it is."""
-    rows = diagnosis.ranking
+    rows = diagnosis.told_ranking
     x = np.arange(len(rows), dtype=float)
     error = np.array([row.heldout_nrmse for row in rows])
     marks = (
@@ -248,7 +248,9 @@ def ranking(diagnosis: Diagnosis) -> FigureData:
         Level(diagnosis.noise_floor, SeriesRole.FLOOR, FLOOR),
     )
     names = tuple(
-        f"{row.effect.replace('_', chr(10))}\n{_percent(row.probability)}" for row in rows
+        f"{row.effect.replace('_', chr(10))}\n"
+        f"{'not believed' if row.doubted else _percent(row.probability)}"
+        for row in rows
     )
     panel = Panel(Axis("effect, and how probable it is"), NRMSE, marks, names=names)
     return FigureData(f"{diagnosis.vessel.name}: which effect", (panel,))

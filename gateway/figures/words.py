@@ -12,6 +12,7 @@ from sim.effects.effect import Effect
 from sim.effects.words import FittedValues
 from sim.identification import BASE, MASSES
 from sim.identification.intervals import Estimate
+from sim.identification.light_inertia import too_light
 from sim.vessel import Vessel
 
 MAY_BE_NONE = "these data allow that there is none"
@@ -207,7 +208,7 @@ def why_not_texts(
     contradicted   effects whose own curve points away from what is missing
     """
     tied = {step.effects[-1] for step in rivals(d)}
-    chance = {row.effect: row.probability for row in d.ranking}
+    chance = {row.effect: row.probability for row in d.told_ranking}
     shown = {True: "It would help here, and is not believed", False: "These data cannot show it"}
     out = {each.effect: f"{shown[each.doubted]}: {each.reason}." for each in d.refused}
     for step in d.alternatives:
@@ -254,6 +255,13 @@ def said(effect: str) -> str:
 
 def diagnosis_texts(d: Diagnosis) -> tuple[str, ...]:
     """The answer in sentences, what matters first; it claims no more than the verdict does."""
+    last = d.ladder[-1]
+    light = too_light(last.base_parameters, last.vessel)
+    return (*_answer_texts(d), *(f"{text}." for text in light))
+
+
+def _answer_texts(d: Diagnosis) -> tuple[str, ...]:
+    """What was found, and what is missing."""
     last = d.ladder[-1]
     begun = d.start_time_ns
     causes = [cause_text(last, name, begun) for name in last.effects]

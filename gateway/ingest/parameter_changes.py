@@ -19,7 +19,7 @@ from gateway.ingest.log import Boat, ListedParameter, Log, log_start_ns
 from gateway.ingest.mapping import Actuator, actuators
 from gateway.ingest.px4_outputs import DIRECTIONS, LIMITS
 
-DECIDES = re.compile(r"SERVO\d+_(FUNCTION|MIN|TRIM|MAX|REVERSED)|INS_GYRO_FILTER")
+DECIDES = re.compile(r"SERVO\d+_(FUNCTION|MIN|TRIM|MAX|REVERSED)|INS_GYRO_FILTER|IMU_GYRO_CUTOFF")
 DECIDE = (DECIDES, DIRECTIONS, LIMITS)
 ALIKE_US = 20.0  # pulse limits that differ by less are the same; chosen, not measured
 MOST_TOLD = 3  # changes in one sentence

@@ -78,7 +78,6 @@ class LiveBoat:
         self.name = name
         self.health = LiveHealth()
         self.reboots = 0  # of the autopilot
-        self._path = path
         self._settings = path.estimator.settings
         self._state = path.start()
         self._event_detector = EventDetector.of(path.model.vessel)
@@ -87,6 +86,7 @@ class LiveBoat:
         self._applies = adapt is Adapt.APPLY
         self._intake = MessageIntake(boat, self._settings)
         self._parameters = self._intake.parameters
+        self._path = self._with_gyro_delay(path)
         self._newest: NewestTimes | None = None
         self._ticked_ns = 0
         self._reported_s = 0
@@ -251,8 +251,14 @@ class LiveBoat:
         """Use what the autopilot's parameters say about the filter, from here on."""
         if self._intake.parameters != self._parameters:
             self._parameters = self._intake.parameters
-            self._path = copy(self._path)  # it is shared with other boats
-            self._path.estimator = Estimator(self._settings.with_parameters(self._parameters))
+            self._path = self._with_gyro_delay(self._path)
+
+    def _with_gyro_delay(self, path: ShadowPath) -> ShadowPath:
+        """A path of this boat alone whose filter takes the delay of its gyro into account."""
+        own = copy(path)  # it is shared with other boats
+        known = self._settings.with_parameters(self._parameters, self.boat.autopilot)
+        own.estimator = Estimator(known)
+        return own
 
     def _vehicle_time(self, now_ns: int) -> int:
         """The boat's time at a moment on the receiver's clock, as far as that is known."""

@@ -19,6 +19,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.estimation import FilterSettings, MeasurementKind
 from gateway.estimation.events import KIND_OF, Events
+from gateway.estimation.gyro_delay import GYRO_FILTERS
 from gateway.ingest.clock import BoatClock, StampStatus
 from gateway.ingest.log import Boat
 from gateway.ingest.mapping import (
@@ -56,7 +57,7 @@ RANK: Mapping[tuple[Quantity, str], tuple[str, int]] = {
     for name, candidates in PRIORITY.items()
     for rank, (quantity, source) in enumerate(candidates)
 }
-GYRO_FILTER, GYRO_FILTER_HZ = "INS_GYRO_FILTER", (0.5, 500.0)  # 0 stands for none
+GYRO_FILTER_HZ = 0.5, 500.0  # 0 stands for none
 NO_PULSES = np.full(CHANNELS, np.nan)
 MOVES = frozenset(KIND_OF)  # quantities of which nothing is held
 
@@ -302,8 +303,8 @@ class MessageIntake:
         """A parameter came: this program asks for some (not on a silent link), as others may."""
         low, high = GYRO_FILTER_HZ
         value = float(message.param_value)
-        if message.param_id == GYRO_FILTER and (value == 0.0 or low <= value <= high):
-            self.parameters = {GYRO_FILTER: value}
+        if message.param_id in GYRO_FILTERS and (value == 0.0 or low <= value <= high):
+            self.parameters = {message.param_id: value}
 
     def _inputs(self, motion: list[Measurement]) -> FilterInputs:
         """The measurements of one message as inputs."""

@@ -5,11 +5,14 @@ assume, then what looks odd in the recordings.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from gateway.estimation.gyro_delay import assumed_texts
+from gateway.ingest.log import BoatSamples
 from gateway.ingest.parameter_changes import ALIKE_US, changes_text
+from gateway.ingest.sources import Choice
 from sim.identification.wiring import wiring_notices, wiring_of
 from sim.state import Floats
 from sim.trial import Trial
@@ -125,3 +128,12 @@ def _limits(servo: Servo) -> str:
 def assumed_by(vessel: Vessel) -> list[str]:
     """What was assumed for the vessel's effects to act."""
     return [f"{vessel.name}: {text}" for text in vessel.assumptions]
+
+
+def delay_assumed(
+    decoded: BoatSamples, choices: Mapping[str, Choice], parameters: Mapping[str, float]
+) -> tuple[str, ...]:
+    """What is assumed of the delay of an autopilot's yaw rate; of a table nobody knows anything."""
+    if decoded.tabular or "yaw rate" not in choices:
+        return ()
+    return assumed_texts(parameters, decoded.boat.autopilot)

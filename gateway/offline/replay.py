@@ -31,6 +31,7 @@ from gateway.json_rows import TopicRows
 from gateway.live.boats import BoatPlan
 from gateway.live.rerun import fleet_of, recorded_live, rerun
 from gateway.long_running import Interrupts
+from gateway.offline.notices import delay_assumed
 from gateway.offline.replay_summary import ReplaySummary, ReplayTotals
 from gateway.recording.reader import Recording
 from gateway.recording.recorder import Attachment, Recorder
@@ -134,13 +135,17 @@ class ReplayOptions:
 
 @dataclass(frozen=True)
 class ReplayInput:
-    """A log made ready for the path; `settings` with what the boat's parameters add."""
+    """A log made ready for the path; `settings` with what the boat's parameters add.
+
+    assumed  where they do not tell it, a sentence each
+    """
 
     settings: Settings
     log: Log
     decoded: BoatSamples
     origin: Origin | None
     feed: FilterInputs
+    assumed: tuple[str, ...] = ()
 
 
 def replay_input_of(
@@ -151,7 +156,8 @@ def replay_input_of(
 ) -> ReplayInput:
     """Decode a log and choose its sources; BadInput where heading or velocity is missing."""
     settings, boat = settings or Settings(), choose_floating(log, system, anyway)
-    settings = replace(settings, filter=settings.filter.with_parameters(log.parameters(boat)))
+    parameters, given = log.parameters(boat), settings.filter
+    settings = replace(settings, filter=given.with_parameters(parameters, boat.autopilot))
     decoded = log.decode(boat)
     choices = choose(decoded.samples)
     for needed in ("yaw", "velocity"):
@@ -159,7 +165,9 @@ def replay_input_of(
             raise BadInput(f"{log.path}: nothing in it tells {needed}: there is nothing to follow")
     origin = origin_of(decoded, choices)
     feed = filter_inputs_of(decoded, choices, origin, settings.filter)
-    return ReplayInput(settings, log, decoded, origin, feed)
+    chosen = settings.filter is given
+    assumed = () if chosen else delay_assumed(decoded, choices, parameters)
+    return ReplayInput(settings, log, decoded, origin, feed, assumed)
 
 
 def options_by_log(logs: Sequence[Path], options: ReplayOptions) -> list[ReplayOptions]:
@@ -232,7 +240,8 @@ def replay(
         raise BadInput(f"{log_path}: the filter never found heading and velocity together")
     summary = totals.summary(log, given.decoded.boat, time.monotonic() - began, outputs.files)
     note = ("an earlier recording of that name was replaced",) if replaced else ()
-    return replace(summary, notes=(*summary.notes, *note))
+    assumed = given.assumed if live is None else ()  # that one has its boat's own parameters
+    return replace(summary, notes=(*summary.notes, *assumed, *note))
 
 
 def _enclosed(log: Log) -> list[Attachment]:

@@ -24,6 +24,7 @@ from gateway.ingest.sources import Choice, choose
 from gateway.ingest.table_repair import repair_table, settings_for
 from gateway.offline import usable_time
 from gateway.offline.deviation import Deviation, with_deviation, without_deviation
+from gateway.offline.notices import delay_assumed
 from gateway.offline.rate_bias import smooth_with_bias
 from gateway.offline.usable_time import Bools, compass_jumped, frozen
 from gateway.shadow import (
@@ -185,7 +186,8 @@ def source_of(log: Log, options: TrialOptions) -> "TrialSource":
     epoch_ns = decoded.sessions[0][0]
     origin = origin_of(decoded, choices)
     parameters = log.parameters(boat)
-    settings = settings_for(decoded, choices, options.settings.with_parameters(parameters))
+    known = options.settings.with_parameters(parameters, boat.autopilot)
+    settings = settings_for(decoded, choices, known)
     return TrialSource(
         epoch_ns,
         decoded.sessions,
@@ -197,7 +199,11 @@ def source_of(log: Log, options: TrialOptions) -> "TrialSource":
         outputs_set(log, decoded, epoch_ns),
         tuple((one.vehicle_time_ns - epoch_ns) * 1e-9 for one in decoded.lane_switches),
         settings,
-        (*table.notices, *([] if decoded.tabular else told_too_seldom(choices))),
+        (
+            *table.notices,
+            *([] if decoded.tabular else told_too_seldom(choices)),
+            *([] if known is options.settings else delay_assumed(decoded, choices, parameters)),
+        ),
         contradictions,
         deviation,
     )

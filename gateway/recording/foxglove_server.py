@@ -9,6 +9,8 @@ boats begin with their names. `gateway.recording.origin_gate` stands in front.
 
 import ipaddress
 import logging
+import math
+import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from threading import Thread
@@ -23,7 +25,15 @@ from gateway.json_rows import TopicRows
 from gateway.long_running import LogLine
 from gateway.recording import foxglove
 from gateway.recording.foxglove import PlayerRows
-from gateway.recording.origin_gate import ORIGINS, PROTOCOL, UPDATE, OriginGate, inner_host
+from gateway.recording.origin_gate import (
+    FULL,
+    MAX_CLIENTS,
+    ORIGINS,
+    PROTOCOL,
+    UPDATE,
+    OriginGate,
+    inner_host,
+)
 from gateway.recording.recorder import JSON, JSON_SCHEMA
 from gateway.topics import TOPICS
 
@@ -47,6 +57,7 @@ def on_this_machine(host: str) -> bool:
 
 
 BACKLOG = 1024  # messages that wait for one client: about three seconds of a boat at 50 Hz
+FULL_AGAIN_S = 60.0  # until it is told again that there is no place for a player
 MAX_TOLD = 8  # pages that were refused, and subprotocols, that are named
 STOP_S = 0.5  # a client that does not read would hold up the end
 NAME = "digital shadow"
@@ -114,6 +125,7 @@ class FoxgloveServer:
         self._refused: set[str] = set()
         self._foreign: set[str] = set()  # subprotocols
         self._plain_given = False
+        self._told_full = -math.inf  # s
 
     def __enter__(self) -> Self:
         self._sdk = _library()
@@ -125,7 +137,8 @@ class FoxgloveServer:
             )  # fmt: skip
             inside = inner, int(self._server.port)
             outside = self.host, self._port
-            gate = OriginGate(outside, inside, self._origins, self._refuse, self._tell_outdated)
+            gate = OriginGate(outside, inside, self._origins, self._refuse, self._tell_outdated,
+                              self._tell_full)  # fmt: skip
             self._gate = gate.__enter__()
         except (RuntimeError, OSError) as error:
             self.__exit__()
@@ -176,6 +189,15 @@ class FoxgloveServer:
                 f"refused; this server speaks {PROTOCOL}: {UPDATE}"
             )
             self._progress(LogLine(text, "warning", "foxglove_refused"))
+
+    def _tell_full(self) -> None:
+        """Tell that there was no place for a player, at most once a minute."""
+        now = time.monotonic()
+        if now - self._told_full < FULL_AGAIN_S:
+            return
+        self._told_full = now
+        text = f"Foxglove: {MAX_CLIENTS} players are connected, and one more was refused: {FULL}"
+        self._progress(LogLine(text, "warning", "foxglove_refused"))
 
     def boat(self, name: str, leading: bool) -> BoatView:
         """Channels for a boat; the first leading one has the topics of a recording."""

@@ -21,6 +21,7 @@ from typing import Self
 from urllib.parse import urlsplit
 
 MAX_CLIENTS = 32
+MAX_TURNED_AWAY = 8  # at a time that are told why; of more the connection is closed
 ACCEPT_AGAIN_S = 0.1  # after a connection could not be taken
 MAX_HEAD_BYTES = 16_384
 HEAD_TIMEOUT_S = 5.0  # for the handshake of a client, all of it: one that trickles keeps others out
@@ -37,6 +38,7 @@ ORIGIN = re.compile(r"[a-z][a-z0-9+.-]*://[^\s/]*")  # scheme, host, perhaps a p
 
 
 PROTOCOL = "foxglove.sdk.v1"
+FULL = "close one, there is no place for more"
 UPDATE = "update Foxglove, or Lichtblick (1.21 does not speak it, 1.29 does)"
 FORBIDDEN = b"HTTP/1.1 403 Forbidden\r\nConnection: close\r\n\r\n"
 
@@ -83,12 +85,22 @@ def _outdated(offered: Sequence[str]) -> bytes:
     """The answer to a player that does not speak our subprotocol."""
     asked = f"not {', '.join(offered)[:100]}" if offered else "and none was asked for"
     body = f"This server speaks the WebSocket subprotocol {PROTOCOL}, {asked}: {UPDATE}.\n"
+    return _answer("400 Bad Request", body)
+
+
+def _answer(status: str, body: str) -> bytes:
+    """A refusal with a text for people."""
     raw = body.encode("latin-1")
     head = (
-        "HTTP/1.1 400 Bad Request\r\nConnection: close\r\n"
+        f"HTTP/1.1 {status}\r\nConnection: close\r\n"
         f"Content-Type: text/plain; charset=iso-8859-1\r\nContent-Length: {len(raw)}\r\n\r\n"
     )
     return head.encode() + raw
+
+
+def _full() -> bytes:
+    """The answer to a player for which there is no place."""
+    return _answer("503 Service Unavailable", f"{MAX_CLIENTS} players are connected: {FULL}.\n")
 
 
 class OriginGate:
@@ -96,6 +108,7 @@ class OriginGate:
 
     refused   is called with the origin of each page kept out
     outdated  … with the subprotocols of each player that does not speak ours
+    full      … for each player for which there is no place
     """
 
     def __init__(
@@ -105,12 +118,14 @@ class OriginGate:
         origins: Sequence[str],
         refused: Callable[[str], None] = lambda origin: None,
         outdated: Callable[[str], None] = lambda protocols: None,
+        full: Callable[[], None] = lambda: None,
     ) -> None:
         self._address, self._inner = address, inner
         self._origins, self._refused, self._outdated = tuple(origins), refused, outdated
+        self._full = full
         self._lock = threading.Lock()
         self._open: set[socket.socket] = set()
-        self._clients = 0
+        self._clients = self._turned_away = 0
         self._listener: socket.socket | None = None
 
     def __enter__(self) -> Self:
@@ -142,15 +157,35 @@ class OriginGate:
                     return
                 time.sleep(ACCEPT_AGAIN_S)
                 continue
-            with self._lock:
-                full = self._clients >= MAX_CLIENTS or self._listener is None
-                self._clients += not full
-                if not full:
-                    self._open.add(client)
-            if full:
+            if (work := self._place_for(client)) is None:
                 _hang_up(client)
             else:
-                threading.Thread(target=self._serve, args=(client,), daemon=True).start()
+                threading.Thread(target=work, args=(client,), daemon=True).start()
+
+    def _place_for(self, client: socket.socket) -> Callable[[socket.socket], None] | None:
+        """What is to be done with a client; None: nothing, there are too many of them."""
+        with self._lock:
+            full = self._clients >= MAX_CLIENTS
+            if self._listener is None or (full and self._turned_away >= MAX_TURNED_AWAY):
+                return None
+            self._clients += not full
+            self._turned_away += full
+            self._open.add(client)
+        return self._turn_away if full else self._serve
+
+    def _turn_away(self, client: socket.socket) -> None:
+        """Tell one more than there is a place for."""
+        self._full()
+        try:
+            _head(client)
+            _last_words(client, _full())
+        except (OSError, ValueError):
+            pass  # of this client alone
+        finally:
+            with self._lock:
+                self._turned_away -= 1
+                self._open.discard(client)
+            _hang_up(client)
 
     def _serve(self, client: socket.socket) -> None:
         """One connection: its handshake, then both ways until one end hangs up."""
@@ -158,9 +193,7 @@ class OriginGate:
         try:
             head = _head(client)
             if answer := self._refusal(head):
-                client.sendall(answer)
-                client.shutdown(socket.SHUT_WR)
-                client.recv(PIECE)  # what is left unread would take the answer away
+                _last_words(client, answer)
                 return
             inner = socket.create_connection(self._inner, HEAD_TIMEOUT_S)
             with self._lock:
@@ -214,6 +247,13 @@ def _pass_on(source: socket.socket, target: socket.socket) -> None:
     for end in (source, target):
         with contextlib.suppress(OSError):
             end.shutdown(socket.SHUT_RDWR)
+
+
+def _last_words(client: socket.socket, answer: bytes) -> None:
+    """An answer, after which nothing comes."""
+    client.sendall(answer)
+    client.shutdown(socket.SHUT_WR)
+    client.recv(PIECE)  # what is left unread would take the answer away
 
 
 def _hang_up(end: socket.socket) -> None:

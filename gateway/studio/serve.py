@@ -6,7 +6,6 @@ when another one has taken its place, whose sessions it does not share.
 """
 
 import errno
-import logging
 import os
 import signal
 import socket
@@ -19,11 +18,9 @@ from pathlib import Path
 from typing import Any
 
 import panel as pn
-from bokeh.server.connection import ServerConnection
 from tornado.ioloop import IOLoop, PeriodicCallback
 from tornado.routing import PathMatches, Rule
 from tornado.web import RedirectHandler, RequestHandler
-from tornado.websocket import WebSocketClosedError
 
 from gateway.bus import DEFAULT_ENDPOINT
 from gateway.config import CREDIT, StudioSettings
@@ -35,6 +32,7 @@ from gateway.studio.access import Folders, OtherHost, OtherHostHandler, TokenAut
 from gateway.studio.live_history import LiveHistory
 from gateway.studio.map_tiles import TileFile, TileHandler, open_tiles
 from gateway.studio.page import PageEntry, StudioContext, set_style
+from gateway.studio.page_faults import quieten_logs
 from gateway.studio.pages import known_pages
 from gateway.studio.session import Session
 from gateway.studio.worker import BUG, TABLE, FleetReader
@@ -106,6 +104,7 @@ class StudioOptions:
 
 def run_studio(options: StudioOptions, progress: Progress) -> None:
     """Serve until interrupted."""
+    os.environ.setdefault("BOKEH_RESOURCES", "server")
     quieten_logs()
     set_style()
     fleet = FleetReader(fleet_folder(options))
@@ -238,29 +237,6 @@ def _app(entry: PageEntry, context: StudioContext) -> Callable[[], Any]:
             return pn.pane.HTML(f"<p>{BUG}</p>")
 
     return open_page
-
-
-def quieten_logs() -> None:
-    """Keep messages of the server's libraries off the terminal."""
-    os.environ.setdefault("BOKEH_RESOURCES", "server")
-    for name in ("bokeh", "tornado.access", "panel"):
-        logging.getLogger(name).setLevel(logging.ERROR)
-    for name in ("asyncio", "tornado.application", "bokeh.server.protocol_handler",
-                 "bokeh.server.views.ws"):  # fmt: skip
-        logging.getLogger(name).addFilter(is_fault)
-
-
-def is_fault(record: logging.LogRecord) -> bool:
-    """False for a page that was closed while something went to it: that is not logged."""
-    error = record.exc_info[1] if record.exc_info else None
-    return not (isinstance(error, WebSocketClosedError) or _has_lost_its_session(error))
-
-
-def _has_lost_its_session(error: BaseException | None) -> bool:
-    """Of Bokeh: a ping found the page closed and took its session away; the page's last messages
-    and its close, which come later, ask for it."""
-    frames = [frame.f_code for frame, _ in traceback.walk_tb(error.__traceback__)] if error else []
-    return frames[-1:] == [ServerConnection.session.fget.__code__]
 
 
 def _run_until_stopped(server: Any) -> None:

@@ -2,17 +2,13 @@
 
 import secrets
 import time
-import tomllib
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import tomli_w
-
-from gateway.errors import BadInput
-from gateway.figures.diagnosis import LadderBar
+from gateway.errors import BadInput, ShadowError
 from gateway.files import write_whole
 from gateway.studio import (
     WHOLE,
@@ -29,11 +25,14 @@ from gateway.studio import (
 )
 from gateway.studio.access import Folders
 from gateway.studio.signals import SignalReader
+from gateway.studio.version import GIVEN, Version
+from gateway.studio.vessel_watch import VesselWatch, portable
 from gateway.studio.worker import CardReader, JobMessage, Worker
-from gateway.user_effects import EffectFile, effect_file_beside
-from gateway.vessel_file import read_vessel_file
+from gateway.user_effects import EffectFile
+from sim.effects.effect import LawError
 
-GIVEN, NOW = "as given", "now"
+NOW = "now"
+VESSEL = "vessel file"  # what a notice is about
 UPDATE_S = 0.05  # between two looks at the workers, however many pages are open
 GOOD_S = 15.0  # good news stay that long; what went wrong stays until it is no longer true
 
@@ -51,16 +50,6 @@ class Notice:
     def holds(self) -> bool:
         """Whether the notice is still to be shown."""
         return not self.good or time.monotonic() - self.since < GOOD_S
-
-
-@dataclass(frozen=True)
-class Version:
-    """The vessel at one moment: its file's text, the effects added, the ladder climbed so far."""
-
-    text: str
-    effects: tuple[str, ...] = ()
-    ladder: tuple[LadderBar, ...] = ()
-    change: str = GIVEN
 
 
 @dataclass
@@ -97,6 +86,7 @@ class Session:
     mapping: str | None = None  # of .csv tables; default: the one beside each
     run: str = field(default_factory=lambda: secrets.token_hex(8))  # names this run of the studio
     revision: Counter[str] = field(default_factory=Counter)
+    watch: VesselWatch | None = None  # over the vessel file
     _stale: bool = False
     _saved: str = ""  # text of the vessel file that was saved last
     _asked: tuple[Path, ...] = ()
@@ -116,7 +106,7 @@ class Session:
     def set_vessel(self, path: Path) -> None:
         """Begin with a vessel file."""
         file = self.folders.checked(path)
-        text, effect_files = _portable(file)
+        text, effect_files = portable(file)
         named = {Path(one.path).resolve() for one in self.effect_files if one.named}
         more = [one for one in effect_files if Path(one.path).resolve() not in named]
         every = tuple(dict.fromkeys((*self.effect_files, *more)))
@@ -124,6 +114,7 @@ class Session:
         self.effect_files = every
         self.slow.cancel()  # an answer about another vessel is no longer wanted
         self.vessel_file, self.versions, self.undone = file, [Version(text)], []
+        self.watch = VesselWatch(file, text)
         self.diagnosis = None
         self._changed("vessel", "diagnosis")
 
@@ -316,6 +307,7 @@ class Session:
         if time.monotonic() - self._updated < UPDATE_S:
             return
         self._updated = time.monotonic()
+        self._look_at_the_vessel()
         for message in self.quick.messages():
             self._compared(message)
         for message in self.slow.messages():
@@ -332,6 +324,25 @@ class Session:
             vessels = tuple(self.vessels())
             self.quick.start("compare", tasks.compare_task, [str(p) for p in self.logs], vessels,
                              self.effect_files, self.mapping, self.scope)  # fmt: skip
+
+    def _look_at_the_vessel(self) -> None:
+        """Take the vessel file anew where it was changed; only say so where work would be lost."""
+        news = None if self.watch is None else self.watch.news()
+        if self.watch is None or news is None:
+            return
+        self._settled(VESSEL)
+        self._changed("files")
+        stays = f"{news.says}: the studio goes on with it as it was"
+        if not news.usable:
+            self.notify(stays, about=VESSEL)
+        elif self.slow.busy or self.diagnosis is not None or len(self.versions) > 1:
+            self.notify(f"{stays}; choose it again under Recordings to take it", about=VESSEL)
+        elif self.watch.differs:
+            try:
+                self.set_vessel(self.watch.file)
+                self.notify(f"{news.says}: read again", good=True, about=VESSEL)
+            except (ShadowError, LawError) as error:
+                self.notify(f"{stays}: {error}", about=VESSEL)
 
     def cancel(self) -> None:
         """Stop what takes long."""
@@ -368,31 +379,3 @@ class Session:
         self.revision.update(kinds)
         if {"vessel", "logs", "scope"} & set(kinds):
             self._stale = True
-
-
-def _portable(file: Path) -> tuple[str, tuple[EffectFile, ...]]:
-    """The text of a vessel file without paths that hold only where it lies, and those paths."""
-    text = file.read_text(encoding="utf-8")
-    entries = read_vessel_file(file).effects
-    named = [e["file"] for e in entries if "file" in e]
-    paths = tuple(EffectFile(str(effect_file_beside(file, one)), named=False) for one in named)
-    if not paths:
-        return text, ()
-    tables = tomllib.loads(text)
-    for entry in tables["effects"]:
-        entry.pop("file", None)
-    return tomli_w.dumps(tables), paths
-
-
-def with_values(version: Version, values: dict[str, float]) -> str:
-    """A version's file with other numbers, by key: `m11`, or `EFFECT.PARAMETER`."""
-    tables = tomllib.loads(version.text)
-    for key, value in values.items():
-        effect, _, name = key.rpartition(".")
-        if not effect:
-            tables["dynamics"][name] = value
-        for entry in tables.get("effects", []):
-            if entry["type"] == effect:
-                entry[name] = value
-        tables.get("provenance", {}).pop(f"dynamics.{name}" if not effect else key, None)
-    return tomli_w.dumps(tables)

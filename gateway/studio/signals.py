@@ -23,7 +23,7 @@ from gateway.figures import DEGREES
 from gateway.ingest.log import Boat, Log, Table, choose_boat
 from gateway.ingest.log_events import on_boat_clock
 from gateway.ingest.open import open_log
-from gateway.studio.worker import Send, Worker
+from gateway.studio.worker import Send, Worker, changed_ns
 from sim.state import Floats
 
 LONGEST, DEEPEST = 300, 8  # letters of an expression; derived signals of derived signals
@@ -238,7 +238,7 @@ def _opened(path: str, stamp: int, mapping: str | None) -> Recording:
 def signals_task(send: Send, request: SignalRequest) -> SignalsView:
     """Read what is wanted; what cannot be read says why, and leaves the others as they are."""
     send(f"reading {Path(request.path).name}")
-    found = _opened(request.path, Path(request.path).stat().st_mtime_ns, request.mapping)
+    found = _opened(request.path, changed_ns(request.path), request.mapping)
     signals: dict[str, Signal] = {}
     refused: dict[str, str] = {}
     for name in request.names:

@@ -50,7 +50,7 @@ from gateway.studio import (
     TrialView,
     VesselView,
 )
-from gateway.studio.worker import Send
+from gateway.studio.worker import Send, changed_ns
 from gateway.user_effects import EffectFile, known_effects
 from gateway.vessel_file import load_vessel
 from sim.comparison import Bin, Regime, bin_of, regimes_of
@@ -85,7 +85,7 @@ def _read(
     path: str, mapping: str | None, first_look: Callable[[Read], None] = lambda _: None
 ) -> Read:
     """The trials of a recording; of a long one `first_look` gets a rough reading before."""
-    key = path, Path(path).stat().st_mtime_ns, mapping
+    key = path, changed_ns(path), mapping
     if key not in _kept:
         log = open_log(path, mapping)
         known = happenings(log, choose_floating(log))

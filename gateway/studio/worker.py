@@ -156,6 +156,14 @@ def outcome(task: Callable[..., Any], arguments: Any, send: Send) -> tuple[str, 
         return "failed", f"{BUG} ({type(error).__name__})"
 
 
+def changed_ns(path: str) -> int:
+    """When a file that was given was changed last [ns]; BadInput where it is gone since."""
+    try:
+        return Path(path).stat().st_mtime_ns
+    except OSError:
+        raise BadInput(f"{Path(path).name} is no longer there ({path})") from None
+
+
 POINTS = 200  # of a small track
 WIDTH, HEIGHT, EDGE = 150, 90, 6  # px of it
 MOST_RATES = 8  # messages whose rates are shown

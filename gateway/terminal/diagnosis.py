@@ -130,14 +130,16 @@ def _ranking(d: Diagnosis) -> Table:
     title = "each alone beside the re-fitted base"
     table = result_table(title, "effect", *told, "error", "like the first")
     table.add_column("these data cannot tell it from")
-    for row in d.ranking:
+    ranking = d.told_ranking
+    for row in ranking:
+        chance = "not believed" if row.doubted else probability_text(row.probability)
         table.add_row(
-            row.effect, *([probability_text(row.probability)] if is_told else []),
+            row.effect, *([chance] if is_told else []),
             f"{row.heldout_nrmse:.3f}", f"{100.0 * row.alike:.0f} %",
-            ", ".join(row.confounded_with), end_section=row is d.ranking[-1],
+            ", ".join(row.confounded_with), end_section=row is ranking[-1],
         )  # fmt: skip
     if is_told:
-        none = max(1.0 - sum(row.probability for row in d.ranking), 0.0)
+        none = max(1.0 - sum(row.probability for row in ranking), 0.0)
         table.add_row("the base alone", probability_text(none), "", "", "")
     return table
 

@@ -42,7 +42,7 @@ def show_identification(
     console.print(step_response_table(found.vessel, found.step_responses))
     if found.validation:
         console.print(_validation(found))
-    console.notices((*found.unseen_losses, *found.unconfirmed))
+    console.notices((*found.too_light, *found.unseen_losses, *found.unconfirmed))
     console.path("written", out)
     console.path("pictures", pictures)
 

@@ -22,6 +22,8 @@ import numpy as np
 from scipy.linalg import solve_toeplitz
 from scipy.special import ndtri
 
+from sim.effects.catalogue import explaining
+from sim.effects.effect import Symptom
 from sim.model import Model
 from sim.prediction import commands_around, forces_along
 from sim.prediction.free_runs import free_reports
@@ -76,10 +78,14 @@ class Independence:
         if not late:
             return ""
         by = ", ".join(f"{p.delay:.2g} s ({p.error} after {p.input})" for p in late)
-        return (
+        told = (
             f"errors follow the commands by {by}: a delay or lag is missing, or a time constant of "
             "the hull (inertia over damping) is off"
         )
+        if any(pair.error == "r" for pair in late):
+            return told
+        # thrust that is late would turn the boat late; a gyro is in time where a receiver is not
+        return f"{told}, or reported velocities come late ({explaining(Symptom.LATE_VELOCITY)})"
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON: no nulls, no NaN."""

@@ -3,7 +3,7 @@
 Also what had to be assumed for the numbers of effects that were found, and what that costs them.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
@@ -215,7 +215,9 @@ def falling(steps: Sequence[LadderStep]) -> tuple[LadderStep, ...]:
 class Candidate:
     """One effect of the catalogue beside the bare base.
 
-    alike   correlation of what it explains with what the first of the ranking explains
+    alike       correlation of what it explains with what the first of the ranking explains
+    general_of  the simpler effect that it can stand in for
+    doubted     it would help and is not believed: it has no probability
     """
 
     effect: str
@@ -223,10 +225,14 @@ class Candidate:
     heldout_nrmse: float
     confounded_with: tuple[str, ...]
     alike: float = 1.0
+    general_of: str = ""
+    doubted: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
-        return vars(self) | {"confounded_with": list(self.confounded_with)}
+        shown = vars(self) | {"confounded_with": list(self.confounded_with)}
+        hidden = {"general_of", *(() if self.doubted else ("doubted",))}
+        return {key: value for key, value in shown.items() if key not in hidden}
 
 
 def candidates_of(
@@ -245,9 +251,33 @@ def candidates_of(
         Candidate(
             r.name, r.probability, step.heldout.nrmse,
             tuple(sorted(tied - {r.name})) if r.name in tied else (),
-            _correlation(one, explained[0]),
+            _correlation(one, explained[0]), r.effect.general_of,
         )
         for r, step, one in zip(ranking.finalists, alone, explained, strict=True)
+    )  # fmt: skip
+
+
+def among_believed(rows: Sequence[Candidate], doubted: Collection[str]) -> tuple[Candidate, ...]:
+    """A ranking whose probabilities are among what is believed, and the base alone.
+
+    That of a change that is none belongs to the steady effect that it stood in for; that of others
+    which are not believed is shared out among all, in proportion.
+    """
+    names = {row.effect for row in rows} - set(doubted)
+    chance = {row.effect: row.probability if row.effect in names else 0.0 for row in rows}
+    lost = 0.0
+    for row in rows:
+        if row.effect in names:
+            continue
+        if row.general_of in names:
+            chance[row.general_of] += row.probability
+        else:
+            lost += row.probability
+    left = max(1.0 - lost, 1e-300)
+    return tuple(
+        replace(row, probability=min(chance[row.effect] / left, 1.0),
+                doubted=row.effect not in names)
+        for row in rows
     )  # fmt: skip
 
 
@@ -308,6 +338,11 @@ class Diagnosis:
     start_time_ns: int = 0
 
     @property
+    def told_ranking(self) -> tuple[Candidate, ...]:
+        """The ranking as it is told: probabilities are among what is believed."""
+        return among_believed(self.ranking, [r.effect for r in self.refused if r.doubted])
+
+    @property
     def next_manoeuvre(self) -> str | None:
         """The best of those suggested, in words."""
         return self.suggested[0].description if self.suggested else None
@@ -331,7 +366,7 @@ class Diagnosis:
             "prior": self.prior, "base_changed": self.base_changed, "effects": list(self.effects),
             "ladder": [step.to_dict() for step in self.ladder],
             "alternatives": [step.to_dict() for step in self.alternatives],
-            "ranking": [row.to_dict() for row in self.ranking],
+            "ranking": [row.to_dict() for row in self.told_ranking],
             "unexplained": self.unexplained,
             "depends_on": [
                 {"on": d.on, "share": d.share, "says": d.description} for d in self.depends_on

@@ -214,7 +214,7 @@ def _missing_from(content: RecordingContent, shown: Shown) -> str:
         case Shown.COMMANDS | Shown.VELOCITY:
             name = "commands" if shown is Shown.COMMANDS else "velocity"
             rate, needed = content.rates_hz.get(name, np.inf), thresholds.MIN_RATE_HZ
-            if rate < needed:
+            if rate < (1.0 - thresholds.RATE_TOLERANCE) * needed:
                 return f"{name} at {rate:.1f} Hz: {needed:g} Hz are needed to tell it"
         case Shown.CHANGE if content.longest < thresholds.MIN_CHANGE_S:
             needed = thresholds.MIN_CHANGE_S

@@ -8,6 +8,7 @@ gives no figure of its own, the single number was chosen, not measured.
 # --- What a recording must hold (next_experiment.py) ---
 MIN_USABLE_S = 60.0  # of all recordings together
 MIN_RATE_HZ = 5.0  # of commands and velocities, for what acts within a fraction of a second
+RATE_TOLERANCE = 0.05  # a receiver of 5 Hz that gives 4.99 is one of 5 Hz
 MIN_CHANGE_S = 150.0  # of one recording, for what changes as time goes by
 HEADING_SECTORS = 8
 MIN_SECTORS_FOR_CIRCLES = 5

@@ -20,6 +20,7 @@ AXES = (("m11", "X_u", "X_uu"), ("m22", "Y_v", "Y_vv"), ("m33", "N_r", "N_rr"))
 # where the data do not tell them apart: what is less than this counts as … Chosen.
 NEGLIGIBLE_DAMPING = 0.01
 SIZE_OF_DAMPING = 0.1  # … so much
+STRONG = 0.1  # of an axis's damping: a number that makes up less of it is not what is held there
 MAX_DAMPING_RATE = 10.0  # 1/s at the speeds of the data: over in half a row of 0.2 s
 
 
@@ -36,10 +37,21 @@ class Axis(NamedTuple):
 
     def share(self, values: Floats) -> Floats:
         """Named values (..., n) -> share (...) of the damping that rows show, or that was given."""
-        pairs = zip(self.columns, self.given, strict=True)
-        now = self._rate(*(given if i is None else values[..., i] for i, given in pairs))
+        now = self._rate(*self._numbers(values))
         limit = np.maximum(MAX_DAMPING_RATE, self._rate(*self.given))
         return np.minimum(1.0, limit / np.maximum(now, 1e-9))
+
+    def strong(self, values: Floats) -> list[int]:
+        """Columns of damping that is not next to nothing beside the other, of values (n,)."""
+        inertia, *numbers = self._numbers(values)
+        parts = self._rate(inertia, numbers[0], 0.0), self._rate(inertia, 0.0, numbers[1])
+        pairs = zip(self.columns[1:], parts, strict=True)
+        return [i for i, part in pairs if i is not None and part >= STRONG * sum(parts)]
+
+    def _numbers(self, values: Floats) -> list[Any]:
+        """Inertia, linear and quadratic damping (...) of named values (..., n)."""
+        pairs = zip(self.columns, self.given, strict=True)
+        return [given if i is None else values[..., i] for i, given in pairs]
 
     def _rate(self, inertia: Any, linear: Any, square: Any) -> Any:
         return (np.abs(linear) + 2.0 * np.abs(square) * self.speed) / np.abs(inertia)

@@ -33,6 +33,7 @@ from sim.identification.intervals import (
     uncertainty_of,
     undetermined,
 )
+from sim.identification.light_inertia import too_light
 from sim.identification.parameters import OFFSETS, Unknowns, unknowns_of
 from sim.identification.regression import fit_by_regression
 from sim.identification.shooting import FitInputs, FitResult, fit_by_shooting
@@ -245,6 +246,11 @@ class Identification:
         """Where the fit predicts unseen time no better than the vessel before, a sentence each."""
         return unseen_losses(self.validation)
 
+    @property
+    def too_light(self) -> tuple[str, ...]:
+        """That fitted inertia is far less than the hull's own; empty where it is not."""
+        return too_light(self.estimates, self.vessel)
+
     def to_pandas(self) -> Any:
         """One row per parameter: before, value, interval, whether the data determine it."""
         return data_frame([
@@ -268,6 +274,7 @@ class Identification:
             "trade": list(self.trade), "validation": [v.to_dict() for v in self.validation],
             "cross_check": list(self.cross_check), "notices": list(self.notices),
             "not_identifiable": list(self.unconfirmed), "worse": list(self.unseen_losses),
+            "too_light": list(self.too_light),
             "step_responses": self.step_responses.to_dict(),
         }  # fmt: skip
 

@@ -215,8 +215,9 @@ class Unknowns:
 
     def faster_than_rows(self, z: Floats) -> set[str]:
         """Names of damping that is held at z (n,), because it is over before a row can show it."""
-        held = [axis for axis in self._axes if axis.share(self._unlimited(z)) < 1.0]
-        return {self.each[i].name for axis in held for i in axis.damping}
+        values = self._unlimited(z)
+        held = [axis for axis in self._axes if axis.share(values) < 1.0]
+        return {self.each[i].name for axis in held for i in axis.strong(values)}
 
     @cached_property
     def _axes(self) -> list[Axis]:

@@ -171,15 +171,19 @@ def test_a_handshake_that_trickles_in_does_not_hold_its_place(
 
 
 def test_clients_are_bounded_and_leave_room_when_they_go() -> None:
-    with echo() as inner, OriginGate(("127.0.0.1", 0), inner, []) as gate:
+    full: list[None] = []
+    told = {"full": lambda: full.append(None)}
+    with echo() as inner, OriginGate(("127.0.0.1", 0), inner, [], **told) as gate:
         lines = [ask(gate.port, None) for _ in range(MAX_CLIENTS)]
         for line, said in lines:
             assert heard(line, len(said)) == said
-        with (
-            socket.create_connection(("127.0.0.1", gate.port), PATIENCE_S) as one_more,
-            suppress(ConnectionResetError),
-        ):
-            assert one_more.recv(100) == b""
+        assert not full
+        one_more, _ = ask(gate.port, None)
+        with one_more:
+            answer = heard(one_more, 10_000)
+        assert answer.startswith(b"HTTP/1.1 503 ")
+        assert b"32 players are connected: close one" in answer
+        assert len(full) == 1
         for line, _ in lines:
             line.close()
         deadline = time.monotonic() + PATIENCE_S
@@ -272,3 +276,12 @@ def test_an_origin_that_is_none_is_bad_input() -> None:
     assert FoxgloveSettings("1", ("https://a.example:8443",)).origins
     with pytest.raises(BadInput, match="expected such as https://example"):
         FoxgloveSettings("1", ("a.example/page",))
+
+
+def test_that_there_is_no_place_is_told_once_in_a_while() -> None:
+    told: list[str] = []
+    server = FoxgloveServer("0", 10.0, progress=told.append)
+    for _ in range(3):
+        server._tell_full()
+    (line,) = told
+    assert str(line).startswith("Foxglove: 32 players are connected, and one more was refused")

@@ -163,7 +163,8 @@ class RecordingsPage(Page):
         session = self.session
         logs = tuple(Path(path) for path in self._logs.value)
         vessel = Path(self._vessel.value) if self._vessel.value else None
-        if vessel is not None and vessel != session.vessel_file:
+        changed = session.watch is not None and session.watch.differs  # by another program
+        if vessel is not None and (vessel != session.vessel_file or changed):
             self._ask_about_changes(str(vessel))
             session.set_vessel(vessel)
         if logs != session.logs:

@@ -30,8 +30,9 @@ from gateway.studio.page import (
     stack,
     word,
 )
-from gateway.studio.session import Session, with_values
+from gateway.studio.session import Session
 from gateway.studio.time_marks import ScopeLine
+from gateway.studio.version import with_values
 from gateway.user_effects import known_effects
 from sim.effects.effect import LawError
 

@@ -9,9 +9,9 @@ from gateway.estimation import (
     FilterSettings,
     MeasurementKind,
     WhiteNoise,
-    gyro_delay_s,
 )
 from gateway.estimation.events import from_samples, join, make_events
+from gateway.estimation.gyro_delay import gyro_delay_s
 from gateway.samples import Quantity, Samples
 
 EPOCH = 1_700_000_000_000_000_000

@@ -176,6 +176,17 @@ def test_a_moment_is_told_by_the_clock_where_one_was_set():
 
 
 @pytest.mark.parametrize(
+    ("value", "ends", "told"),
+    [(849.3, (0.0, 6.07e6), "849 N (anything from 0 N on)"),
+     (849.3, (120.0, 8e4), "849 N (120–80000 N)"),
+     (-849.3, (-6.07e6, -10.0), "849 N (anything from 10 N on)"),
+     (1e-5, (0.0, 0.3), "0.000 N (0.000–0.300 N)")],
+)  # fmt: skip
+def test_an_end_that_data_do_not_set_is_not_told_as_millions(value, ends, told):
+    assert FittedValues({"x": value}, {"x": ends}).size("x", "N") == told
+
+
+@pytest.mark.parametrize(
     ("value", "told"),
     [(0.0, "0.0 m"), (0.00312, "0.003 m"), (0.0312, "0.031 m"), (0.312, "0.31 m"), (3.12, "3.1 m"),
      (31.2, "31 m"), (3120.0, "3120 m"), (-0.312, "0.31 m")],

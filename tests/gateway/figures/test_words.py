@@ -30,11 +30,14 @@ def number(name: str, value: float, ends: tuple[float, float], trial: str | None
     return SimpleNamespace(name=name, value=value, ci95=ends, trial=trial)
 
 
+HULL = SimpleNamespace(mass=38.0, length=2.0)
+
+
 def step(*effects: str, error: float = 0.1) -> Any:
     added = tuple(AddedEffect(BY_NAME[name], VALUES[name]) for name in effects)
     angle = number("heading_offset.angle", -0.131, (-0.143, -0.120))
     return SimpleNamespace(
-        effects=effects, vessel=SimpleNamespace(effects=added),
+        effects=effects, vessel=SimpleNamespace(effects=added, hull=HULL, thrusters=()),
         parameters={name: [angle] for name in effects if name == "heading_offset"},
         heldout=SimpleNamespace(nrmse=error), base_parameters=(),
     )  # fmt: skip
@@ -47,6 +50,18 @@ def diagnosis(verdict: Verdict, *effects: str, floor: float = 0.1, error: float 
         noise_floor=floor, ranking=[tied] if verdict is Verdict.CONFOUNDED else [],
         alternatives=[step("cg_offset")], start_time_ns=0, base_changed=False,
     )  # fmt: skip
+
+
+def test_a_hull_that_came_out_lighter_than_itself_is_said_beside_the_answer():
+    light = Estimate("m11", "kg", 16.5, 0.88, (0.0, 3.0), True)
+    answer = diagnosis(Verdict.UNKNOWN)
+    answer.ladder[-1].base_parameters = (light,)
+    texts = diagnosis_texts(answer)
+    assert texts[0] == "Something is missing that the catalogue does not hold."
+    assert texts[-1] == (
+        "m11 0.88 kg is far less than a hull of 38 kg has without any water: mass or thrust of the "
+        "vessel file cannot be right; check both first."
+    )
 
 
 OTHER = "cannot tell that from another cause: The centre"
@@ -186,7 +201,7 @@ def a_day() -> Any:
     last = SimpleNamespace(
         effects=names, vessel=SimpleNamespace(effects=effects, name="boat"),
         parameters={"current_change": numbers, "heading_offset": []},
-        heldout=SimpleNamespace(nrmse=0.1),
+        heldout=SimpleNamespace(nrmse=0.1), base_parameters=(),
     )  # fmt: skip
     begun = int(datetime(2026, 5, 12, 14, 10, 0, tzinfo=UTC).timestamp()) * 10**9
     return SimpleNamespace(
@@ -232,14 +247,15 @@ def test_the_timeline_shows_what_changed_and_when():
 def rejected(*, alone: float, found: float = 0.12, base: float = 0.6, tied: bool = False) -> Any:
     """heading_offset was chosen; cg_offset was fitted too."""
     row = SimpleNamespace
+    rows = [row(effect="heading_offset", probability=0.9,
+                confounded_with=("cg_offset",) if tied else ()),
+            row(effect="cg_offset", probability=0.01,
+                confounded_with=("heading_offset",) if tied else ())]  # fmt: skip
     return SimpleNamespace(
         effects=("heading_offset",),
         ladder=[step(error=0.7), step(error=base), step("heading_offset", error=found)],
         alternatives=[step("cg_offset", error=alone)],
-        ranking=[row(effect="heading_offset", probability=0.9,
-                     confounded_with=("cg_offset",) if tied else ()),
-                 row(effect="cg_offset", probability=0.01,
-                     confounded_with=("heading_offset",) if tied else ())],
+        ranking=rows, told_ranking=rows,
         refused=[Refusal("battery_sag", "the voltage hardly changed"),
                  Refusal("antenna_offset", "it wins nothing elsewhere", doubted=True)],
     )  # fmt: skip

@@ -8,7 +8,8 @@ import orjson
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gateway.estimation import FilterSettings, MeasurementKind, gyro_delay_s
+from gateway.estimation import FilterSettings, MeasurementKind
+from gateway.estimation.gyro_delay import gyro_delay_s
 from gateway.ingest.log import Boat
 from gateway.ingest.mapping import to_degrees
 from gateway.live.boats import LiveBoat
@@ -235,6 +236,16 @@ def test_the_gyro_filter_is_learnt_from_parameters_that_pass_by() -> None:
         assert delay(parameter(absurd)) == pytest.approx(gyro_delay_s(4.0))
     assert delay(parameter(0.0)) == 0.0
     assert boats[1]._path.estimator.settings.gyro_delay_s == 0.0
+    assert delay(parameter(40.0, b"IMU_GYRO_CUTOFF")) == pytest.approx(gyro_delay_s(40.0))
+
+
+def test_until_the_gyro_filter_is_known_the_usual_one_of_the_firmware_is_assumed() -> None:
+    model = Model.of(WAMV)
+    path = ShadowPath(model, Reference(model), VesselFollower.of(model))
+    boat = LiveBoat(Boat(1, 1, "ArduPilot"), "b", path)
+    assert boat._path.estimator.settings.gyro_delay_s == gyro_delay_s(4.0)
+    assert boat._path.estimator.settings.gyro_delay_std_s > 0.0
+    assert path.estimator.settings.gyro_delay_s == 0.0  # other boats share it
 
 
 def test_numbers_tell_loss_from_lateness_doubles_and_wraps() -> None:

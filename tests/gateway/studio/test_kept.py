@@ -16,8 +16,9 @@ from gateway.studio import LAYOUT_FILE, Scope
 from gateway.studio.access import Folders
 from gateway.studio.controls import WAY, course_of, moments
 from gateway.studio.pages import recordings, vessel
-from gateway.studio.session import Session, with_values
+from gateway.studio.session import Session
 from gateway.studio.tasks import compare_task
+from gateway.studio.version import with_values
 from gateway.studio.worker import CardReader, card_task, card_text
 from tests.conftest import ROOT
 from tests.gateway.studio.pages import context_of, message_of

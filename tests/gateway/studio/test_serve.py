@@ -4,6 +4,7 @@ import asyncio
 import json
 import logging
 import re
+import shutil
 import socket
 import subprocess
 import sys
@@ -24,13 +25,12 @@ from gateway.monitor import MonitorOptions
 from gateway.studio import pages
 from gateway.studio.live_history import LiveHistory
 from gateway.studio.page import PageEntry, StudioContext
+from gateway.studio.page_faults import is_fault, quieten_logs
 from gateway.studio.pages import PAGES, known_pages
 from gateway.studio.serve import (
     DEMO_VESSEL,
     StudioOptions,
-    is_fault,
     origins_of,
-    quieten_logs,
     server_of,
     session_of,
 )
@@ -248,6 +248,45 @@ def test_a_page_that_a_ping_found_closed_before_it_said_so_is_no_fault(open_serv
     run(told.wait, 30.0)
     faults = [record.name for record in caplog.records if record.levelno >= logging.ERROR]
     assert faults == ([] if found else ["tornado.application"])
+
+
+@pytest.mark.parametrize(
+    ("kind", "attribute", "value"),
+    [("CheckboxGroup", "active", "abc"), ("CheckboxGroup", "active", [1, 2]),
+     ("CheckboxGroup", "active", {"type": "nonsense"}), ("CustomSelect", "value", "abc")],
+)  # fmt: skip
+def test_what_a_page_sends_wrongly_is_one_line(
+    open_server, caplog, tmp_path, kind, attribute, value
+):
+    quieten_logs()
+    shutil.copy(DEMO_VESSEL, tmp_path)  # for a choice that is not among some
+    served, run = open_server(), IOLoop.current().run_sync
+    page = served.open_page("recordings")
+    assert "ACK" in run(page.read_message, 30.0)
+    apps = served.server._tornado._applications.values()
+    (document,) = (session.document for app in apps for session in app.sessions)
+    (model,) = (one for one in document.models if type(one).__name__ == kind)
+    change = {"kind": "ModelChanged", "model": {"id": model.id}, "attr": attribute, "new": value}
+    for part in ({"msgid": "1", "msgtype": "PATCH-DOC"}, {}, {"events": [change]}):
+        run(partial(page.write_message, json.dumps(part)), 30.0)
+    run(partial(asyncio.sleep, 0.5))
+    (told,) = (record for record in caplog.records if record.levelno >= logging.ERROR)
+    assert told.getMessage().startswith("studio: a page sent what cannot be used: ")
+    assert told.exc_info is None
+    page.close()
+
+
+def test_a_fault_of_ours_while_a_message_is_taken_is_logged_whole() -> None:
+    def apply_json_patch() -> None:  # as the library's, and not of it
+        raise ValueError("a fault of ours")
+
+    try:
+        apply_json_patch()
+    except ValueError as error:
+        given = (type(error), error, error.__traceback__)
+    record = logging.LogRecord("panel.reactive", logging.ERROR, "", 0, "failed", (), given)
+    assert is_fault(record)
+    assert record.exc_info == given
 
 
 def plug_in(monkeypatch, entry: PageEntry) -> None:

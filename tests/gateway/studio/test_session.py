@@ -13,8 +13,10 @@ from gateway.errors import BadInput
 from gateway.figures.diagnosis import LadderBar
 from gateway.studio import AlternativeView, DiagnosisView, LadderView, TrialView, tasks
 from gateway.studio.access import Folders
-from gateway.studio.session import Session, with_values
+from gateway.studio.session import Session
+from gateway.studio.signals import SignalRequest, signals_task
 from gateway.studio.tasks import compare_task, report_task
+from gateway.studio.version import with_values
 from gateway.studio.worker import JobMessage
 from gateway.vessel_file import load_vessel
 
@@ -132,6 +134,49 @@ def test_a_number_moved_by_hand_loses_its_origin(session):
     assert "dynamics.m11" not in tables["provenance"]
 
 
+def test_a_recording_or_vessel_that_is_gone_is_told_in_a_line(session, tmp_path):
+    gone, send = str(tmp_path / "gone.tlog"), lambda _: None
+    found = compare_task(send, [gone], [("as given", BOAT.read_text())], ())
+    assert found.refused == {gone: f"gone.tlog is no longer there ({gone})"}
+    with pytest.raises(BadInput, match="is no longer there"):
+        signals_task(send, SignalRequest(gone, ()))
+    with pytest.raises(BadInput, match="cannot read the vessel file"):
+        session.set_vessel(tmp_path / "gone.toml")
+
+
+def looked(session):
+    """The session after another look at its vessel file; what it says."""
+    session.watch._looked = session._updated = 0.0
+    session.update()
+    return session.notice.text if session.notice and session.notice.holds else ""
+
+
+def test_a_vessel_file_that_is_edited_is_read_again_and_where_work_would_be_lost_only_told(session):
+    file, text = session.vessel_file, session.version.text
+    assert looked(session) == ""
+    file.write_text(text.replace("m11 = ", "m11 = 1"))
+    assert looked(session) == "demo_boat.toml was changed: read again"
+    assert session.version.text == file.read_text() != text
+    session.slide(with_values(session.version, {"m11": 41.0}), "m11 moved by hand")
+    file.write_text(text)
+    assert "changed: the studio goes on with it as it was; choose it again" in looked(session)
+    assert tomllib.loads(session.version.text)["dynamics"]["m11"] == 41.0
+    assert session.watch.differs
+
+
+def test_a_vessel_file_that_is_broken_or_removed_is_told_until_it_is_as_it_was(session):
+    file, text = session.vessel_file, session.version.text
+    file.write_text(text.replace("m11 = ", "m_11 = "))
+    assert "was changed and cannot be used" in looked(session)
+    assert "m_11" in session.notice.text
+    file.unlink()
+    gone = "demo_boat.toml is no longer there: the studio goes on with it as it was"
+    assert looked(session) == gone == looked(session)
+    file.write_text(text)
+    assert looked(session) == ""
+    assert session.version.text == text
+
+
 def test_files_elsewhere_are_not_taken(session):
     with pytest.raises(BadInput, match="not in a folder"):
         session.set_logs([LOG])
@@ -180,7 +225,7 @@ def test_of_a_long_recording_a_rough_look_comes_first_and_the_whole_takes_its_pl
     assert rough.rough
     assert "first look" in rough.notices[0]
     assert not whole.rough
-    assert whole.notices == ()
+    assert not any("first look" in notice for notice in whole.notices)
     assert len(rough.time) < 0.3 * len(whole.time)
     for place in ("north", "east"):
         there = np.interp(whole.time, rough.time, getattr(rough, place))

@@ -57,6 +57,16 @@ def test_a_delay_is_found_at_its_lag(steps: int) -> None:
     assert "a delay or lag is missing" in found.description
 
 
+def test_velocities_that_come_late_while_the_turn_rate_is_in_time_may_be_the_receiver() -> None:
+    forces = held(3)
+    ahead = forces * [1.0, 1.0, 0.0]
+    found = independence_of([noise(3) + late(ahead, 3)], [forces], STEP)
+    assert [pair.error for pair in found.pairs if pair.delay > 0.0] == ["u"]
+    assert "or reported velocities come late (velocity_latency)" in found.description
+    found = independence_of([noise(3) + late(forces, 3)], [forces], STEP)
+    assert "velocity_latency" not in found.description  # the boat itself turns late
+
+
 @pytest.mark.parametrize("thrust", [0.4, 0.8, 1.25, 2.5])
 def test_thrust_of_another_size_is_late_by_as_much(thrust: float) -> None:
     forces = held(3)

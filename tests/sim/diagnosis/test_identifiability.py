@@ -46,6 +46,13 @@ def test_slow_commands_cannot_tell_a_lag() -> None:
         assert "2.0 Hz" in reasons(slow)[name]
 
 
+def test_a_receiver_of_five_hertz_may_give_a_little_less() -> None:
+    nominal = replace(sailed(), rates_hz={"commands": 25.0, "velocity": 4.99})
+    assert not {"velocity_latency", "thruster_lag"} & reasons(nominal).keys()
+    slow = replace(nominal, rates_hz={"commands": 25.0, "velocity": 4.5})
+    assert reasons(slow)["velocity_latency"] == "velocity at 4.5 Hz: 5 Hz are needed to tell it"
+
+
 def test_who_never_went_astern_cannot_tell_a_loss_there() -> None:
     ahead = sailed()
     never = replace(ahead, pwm=np.maximum(ahead.pwm, 1500.0))

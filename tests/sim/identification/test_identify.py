@@ -12,7 +12,7 @@ from sim.effects.thruster_lag import EFFECT as LAG
 from sim.identification import BASE, IdentifySettings
 from sim.identification.fast_damping import MAX_DAMPING_RATE
 from sim.identification.identify import identify
-from sim.identification.parameters import UnknownNameError
+from sim.identification.parameters import UnknownNameError, unknowns_of
 from sim.model import Model
 from sim.trial import Trial
 from sim.vessel import AddedEffect, Vessel
@@ -219,6 +219,16 @@ def test_a_boat_that_follows_its_helm_at_once_is_no_hull_without_inertia():
     assert steps[0] <= 3 < steps[1]
     (unseen,) = found.validation
     assert unseen.after.scores.r2["r"] > 0.9  # it turns as the boat does
+
+
+def test_of_an_axis_that_is_held_only_the_damping_that_makes_it_fast_is_called_strong():
+    """One at its weakest, beside another that has all of it, is not "held at the strongest"."""
+    weak = {"X_u": -1e-4, "X_uu": -40.0, "N_r": -60.0, "N_rr": -0.5}
+    model = Model.of(replace(WAMV, dynamics=replace(WAMV.dynamics, m11=3.0, m33=3.0, **weak)))
+    known = unknowns_of(model, 1, IdentifySettings(fastest=(2.0, 0.5, 0.5)))
+    quick = replace(known, each=tuple(replace(u, start=1.0) for u in known.each))  # of a slow hull
+    z = quick.from_named(np.array([u.start for u in known.each]))
+    assert quick.faster_than_rows(z) == {"X_uu", "N_r"}
 
 
 @pytest.mark.slow
