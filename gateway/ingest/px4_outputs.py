@@ -17,6 +17,7 @@ FUNCTION = re.compile(rf"({DRIVERS})_FUNC(\d+)")
 # decide what a value of an output does; those of limits do where they change by a few µs
 DIRECTIONS = re.compile(rf"({DRIVERS})_(FUNC|REV|TIM)\d*|CA_R_REV|CA_AIRFRAME")
 LIMITS = re.compile(rf"({DRIVERS})_(MIN|MAX|DIS|DISARM|CENT|TRIM)\d*|PWM_MIN|PWM_MAX")
+MOST_NAMED = 4  # in one sentence
 
 
 def named_outputs(parameters: Mapping[str, float]) -> tuple[str, ...]:
@@ -33,9 +34,6 @@ def named_outputs(parameters: Mapping[str, float]) -> tuple[str, ...]:
         f"{kind} {number} on output {output} of {driver}"
         for kind, number, driver, output in sorted(found)
     )
-
-
-MOST_NAMED = 4  # in one sentence
 
 
 def named_only(outputs: Sequence[str]) -> str:

@@ -117,7 +117,7 @@ class Doubts(NamedTuple):
     """Why what was found may not be all.
 
     above           what is left is more than noise, by a wide margin, or beside numbers of the base
-                    that stand at their limits; of no sea, which bends numbers and leaves much
+                    that stand at their limits (not beside a train of waves: a sea bends them)
     contradictions  of sensors: what a model of the boat leaves may be theirs
     strained        numbers of what was found that no boat has
     """

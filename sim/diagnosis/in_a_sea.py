@@ -43,11 +43,12 @@ class _SeaSearch(EffectSearch):
         """The trains, then one effect after another, then backward."""
         steps, fit = self._trains(base, first)
         self.progress("in a sea: from one moment to the next, under the colour of what is left")
-        base, fit = (under_own_colour(_over_shortest_runs(each)) for each in (base, fit))
+        bare = under_own_colour(_over_shortest_runs(base))
+        fit = under_own_colour(_over_shortest_runs(fit)) if steps else bare
         steps, fit = self._grown_and_exchanged(steps, fit, self._next(steps, fit))
         steps, fit = self._made_simpler(*self._backward(steps, fit))
         steps, fit = self._of_each_day(steps, fit)
-        return self.selection(base, first, steps, fit)
+        return self.selection(bare, first, steps, fit)
 
     def _trains(self, base: Fit, first: Ranking) -> tuple[list[Ranking], Fit]:
         """Trains of waves beside the base, as many as are justified."""

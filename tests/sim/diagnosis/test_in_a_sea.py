@@ -85,8 +85,7 @@ def test_what_a_sea_leaves_is_white_under_its_colour_and_stays_so_under_a_new_no
     assert not fit.renewed_problem.is_coloured
 
 
-def test_a_colour_is_worth_what_the_likelihood_says() -> None:
-    """In a sea much, of the same voyage's white noise nothing; and a fit under it is judged so."""
+def test_under_a_colour_a_fit_to_a_sea_is_more_likely() -> None:
     fit = base_of(shaken(1.0, 120.0))
     under = fit.problem.under_colour_of(fit.unknowns, fit.z)
     plain, coloured = (p.deviance(fit.unknowns, fit.z) for p in (fit.problem, under))

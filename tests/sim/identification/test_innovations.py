@@ -157,6 +157,22 @@ def test_what_swings_is_white_once_its_colour_is_out() -> None:
     )
 
 
+def test_a_colour_is_worth_what_the_likelihood_says() -> None:
+    """Of a resonance that turns a standard deviation of 0.5 into that of the innovations; of white
+    innovations no more than its eighteen numbers fit by chance.
+    """
+    S, n, mean_s = 2000, 5, 0.4
+    errors = RunErrors(np.zeros((S, n + 1, 3)), np.zeros((S, n + 1, 3, 3)), np.ones((S, n)))
+    chain = Chain.of(errors, NOISE, np.append(np.ones(S - 1), 0.0), PROCESS, mean_s)
+    white = np.random.default_rng(3).normal(0.0, 1.0, (S * n, 3))
+    assert -60.0 < chain.won_by_colour(white, mean_s) < 60.0
+    swinging = 0.3 * white
+    for k in range(2, S * n):
+        swinging[k] += 1.2 * swinging[k - 1] - 0.9 * swinging[k - 2]
+    expected = white.size * (1.0 + 2.0 * np.log(0.3)) - np.sum(swinging**2)
+    assert chain.won_by_colour(swinging, mean_s) == pytest.approx(expected, rel=0.02)
+
+
 def test_errors_without_a_covariance_are_an_error_and_no_numbers() -> None:
     """What command timing is said to add may be no covariance at all; NaN would go on unseen."""
     e = runs(True)
