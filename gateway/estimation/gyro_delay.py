@@ -42,6 +42,11 @@ def gyro_delay_s(cutoff_hz: float) -> float:
     return math.sqrt(2.0) / (2.0 * math.pi * cutoff_hz)
 
 
+def tells_delay(parameters: Mapping[str, float]) -> bool:
+    """Whether the autopilot's parameters say what the delay is."""
+    return any(name in parameters for name in GYRO_FILTERS)
+
+
 def gyro_delay_of(parameters: Mapping[str, float], autopilot: str = "") -> GyroDelay:
     """What the autopilot's parameters say of the delay; what is assumed where they do not."""
     for name in GYRO_FILTERS:
@@ -53,7 +58,7 @@ def gyro_delay_of(parameters: Mapping[str, float], autopilot: str = "") -> GyroD
 
 def assumed_texts(parameters: Mapping[str, float], autopilot: str) -> tuple[str, ...]:
     """A sentence on what is assumed of the delay; none where the parameters tell it."""
-    if not gyro_delay_of(parameters, autopilot).std_s:
+    if tells_delay(parameters):
         return ()
     name, usual = CUTOFF.get(autopilot, (" or ".join(GYRO_FILTERS), 0.0))
     unknown = f"no parameter tells the delay of the yaw rate ({name})"

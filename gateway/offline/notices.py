@@ -133,7 +133,7 @@ def assumed_by(vessel: Vessel) -> list[str]:
 def delay_assumed(
     decoded: BoatSamples, choices: Mapping[str, Choice], parameters: Mapping[str, float]
 ) -> tuple[str, ...]:
-    """What is assumed of the delay of an autopilot's yaw rate; of a table nobody knows anything."""
-    if decoded.tabular or "yaw rate" not in choices:
+    """What is assumed of the delay of an autopilot's yaw rate."""
+    if "yaw rate" not in choices:
         return ()
     return assumed_texts(parameters, decoded.boat.autopilot)

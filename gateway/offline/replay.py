@@ -157,8 +157,9 @@ def replay_input_of(
     """Decode a log and choose its sources; BadInput where heading or velocity is missing."""
     settings, boat = settings or Settings(), choose_floating(log, system, anyway)
     parameters, given = log.parameters(boat), settings.filter
-    settings = replace(settings, filter=given.with_parameters(parameters, boat.autopilot))
     decoded = log.decode(boat)
+    if not decoded.tabular:  # of a table nobody knows anything
+        settings = replace(settings, filter=given.with_parameters(parameters, boat.autopilot))
     choices = choose(decoded.samples)
     for needed in ("yaw", "velocity"):
         if needed not in choices:

@@ -14,6 +14,7 @@ import numpy as np
 from gateway.errors import BadInput, ShadowError, numerical_errors, printable, shell_path
 from gateway.estimation import SOURCES, FilterSettings
 from gateway.estimation.events import Events
+from gateway.estimation.gyro_delay import tells_delay
 from gateway.estimation.smoother import SmoothedMotion
 from gateway.ingest.agreement import reconciled
 from gateway.ingest.log import BoatSamples, Log, choose_floating
@@ -24,7 +25,6 @@ from gateway.ingest.sources import Choice, choose
 from gateway.ingest.table_repair import repair_table, settings_for
 from gateway.offline import usable_time
 from gateway.offline.deviation import Deviation, with_deviation, without_deviation
-from gateway.offline.notices import delay_assumed
 from gateway.offline.rate_bias import smooth_with_bias
 from gateway.offline.usable_time import Bools, compass_jumped, frozen
 from gateway.shadow import (
@@ -186,7 +186,9 @@ def source_of(log: Log, options: TrialOptions) -> "TrialSource":
     epoch_ns = decoded.sessions[0][0]
     origin = origin_of(decoded, choices)
     parameters = log.parameters(boat)
-    known = options.settings.with_parameters(parameters, boat.autopilot)
+    known = options.settings
+    if tells_delay(parameters):  # else as reported: the doubt that a live filter needs would leave
+        known = known.with_parameters(parameters)  # a smoothed yaw rate four times as uncertain
     settings = settings_for(decoded, choices, known)
     return TrialSource(
         epoch_ns,
@@ -199,11 +201,7 @@ def source_of(log: Log, options: TrialOptions) -> "TrialSource":
         outputs_set(log, decoded, epoch_ns),
         tuple((one.vehicle_time_ns - epoch_ns) * 1e-9 for one in decoded.lane_switches),
         settings,
-        (
-            *table.notices,
-            *([] if decoded.tabular else told_too_seldom(choices)),
-            *([] if known is options.settings else delay_assumed(decoded, choices, parameters)),
-        ),
+        (*table.notices, *([] if decoded.tabular else told_too_seldom(choices))),
         contradictions,
         deviation,
     )

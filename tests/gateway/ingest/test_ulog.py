@@ -1,7 +1,6 @@
 """PX4's ULog: read as any other format, whatever is wrong with it."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -66,13 +65,10 @@ def voyage(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_voyage_gives_the_same_trial_as_its_tlog(voyage: Path) -> None:
-    """To the resolution of the log's single precision: 1e-5 in SI units. The gyro's delay is given:
-    no parameter tells it, and what is usual differs between the two autopilots.
-    """
-    from gateway.offline.trials import AS_REPORTED, TrialOptions, load_trials
+    """To the resolution of the log's single precision: 1e-5 in SI units."""
+    from gateway.offline.trials import load_trials
 
-    options = TrialOptions(settings=replace(AS_REPORTED, gyro_delay_s=0.02))
-    (radio,), (board,) = (load_trials(path, options=options) for path in (VOYAGE, voyage))
+    (radio,), (board,) = load_trials(VOYAGE), load_trials(voyage)
     assert board.sources["velocity"] == "vehicle_local_position"
     assert board.sources["yaw rate"] == "vehicle_angular_velocity"
     assert board.channels == radio.channels

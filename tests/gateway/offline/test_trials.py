@@ -93,13 +93,15 @@ def test_a_steady_turn_is_found_as_it_was() -> None:
     assert trial.usable[20:-20].all()
 
 
-def test_what_is_assumed_of_the_gyro_is_told_where_no_parameter_tells_it() -> None:
+def test_the_yaw_rate_is_taken_as_reported_where_no_parameter_tells_its_delay() -> None:
+    """A live filter doubts it; a smoothed one would be four times as uncertain for it."""
     script = Script()
     circle(script, 100.0, 0.0, 20.0)
-    (told,) = (text for text in one(script).notices if "delay of the yaw rate" in text)
-    assert "(INS_GYRO_FILTER): the 56 ms of ArduPilot's usual 4 Hz are taken" in told
-    script.send(20.0, parameter("INS_GYRO_FILTER", 4.0))
-    assert not any("delay of the yaw rate" in text for text in one(script).notices)
+    before = one(script)
+    script.send(20.0, parameter("INS_GYRO_FILTER", 0.0))
+    told = one(script)
+    assert np.array_equal(before.nu, told.nu)
+    assert np.array_equal(before.covariance, told.covariance)
 
 
 def test_disarmed_means_no_pulse_and_a_listed_stretch() -> None:
