@@ -227,6 +227,10 @@ for _table in (
 _SETTINGS = TypeAdapter(Settings)
 HINTS = {  # comments of `as_toml` below the heads of tables
     "[links.rates]": '# Hz; 0: not asked for. preset = "radio": what a pair at 57600 baud carries',
+    "[filter]": (
+        "# gyro_delay_s and gyro_delay_std_s both 0: as the autopilot's parameters tell, else its\n"
+        "# usual; a std alone, 0.001, says that there is none"
+    ),
     "[metrics]": '# address = "9464" or "HOST:PORT": Prometheus metrics',
     "[foxglove]": '# address = "8765" or "HOST:PORT": a live WebSocket server',
 }

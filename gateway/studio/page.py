@@ -37,6 +37,7 @@ STYLE = """
 :host { --font: 15px/1.45 system-ui, -apple-system, "Segoe UI", Roboto, sans-serif; font: var(--font); color: var(--ink); }
 .bk-input, select.bk-input, .bk-input-group input { background: var(--field) !important; color: var(--ink) !important; border: 1px solid var(--edge) !important; border-radius: 6px !important; font: inherit; }
 .bk-input-group > label, label, .bk-slider-title { color: var(--ink); font-size: 14px; }
+.bk-input-group > label { white-space: normal; overflow-wrap: anywhere; }
 .bk-spin-btn { --color: var(--ink); --disabled-color: var(--faint); }
 .bk-slider-value { color: var(--ink); font-weight: 600; }
 .bk-btn { font: inherit; border-radius: 6px !important; border: 1px solid var(--edge) !important; background: var(--field) !important; color: var(--ink) !important; white-space: normal; text-align: left; }
