@@ -1,10 +1,11 @@
 """Two trains of waves that cross: are both told, and what else is there, and nothing else?
 
-    python -m benchmarks.waves [--seed 0] [--every 1] [--calm]
+    python -m benchmarks.waves [--seed 0] [--every 1] [--calm | --hunting]
 
 Voyages of the blind test's generator (`benchmarks.hidden`; it shares no code with `sim`) in which
 two groups of three waves each push the boat, alone or beside one effect; every second vessel file
-is 10 % off in each of its nine numbers. `--calm`: the same effects without waves.
+is 10 % off in each of its nine numbers. `--calm`: the same effects without waves. `--hunting`: no
+waves, but an autopilot that is set too sharp and swings, which is no sea.
 Printed: what is hidden, the verdict, the effects found, the error before and after and the noise.
 """
 
@@ -33,6 +34,10 @@ CASES = (
     ("dory", "excitation", "steady_current"), ("grebe", "wander", "reverse_loss"),
     ("wam-v", "survey", ""), ("teal", "excitation", "payload_change"),
 )  # fmt: skip
+HUNTED = (
+    ("grebe", "command_delay"), ("wam-v", "thruster_lag"), ("teal", ""), ("grebe", "cross_damping"),
+    ("wam-v", "towed_load"), ("teal", "keel_stall"), ("wam-v", "stiff_turning"), ("grebe", ""),
+)  # fmt: skip
 
 
 class Voyage(NamedTuple):
@@ -54,6 +59,14 @@ def voyages(seed: int = 0, calm: bool = False) -> Iterator[Voyage]:
         yield Voyage(boat, pilot, SEED + 1000 * seed + k, own)
 
 
+def hunted(seed: int = 0) -> Iterator[Voyage]:
+    """In calm water, by an autopilot that swings; two strangers among what is hidden."""
+    for k, (name, effect) in enumerate(HUNTED):
+        dice, boat = np.random.default_rng([SEED, seed, 100 + k]), FLEET[name]
+        hidden = (Hidden(effect, strong(effect, boat, dice, 1.0, SECONDS)),) if effect else ()
+        yield Voyage(boat, "hunting", SEED + 1000 * seed + 100 + k, hidden)
+
+
 def write(voyage: Voyage, folder: Path) -> tuple[Path, Path]:
     """Sail it: the log, and a vessel file that is right or 10 % off."""
     log, file = folder / "voyage.tlog", folder / "vessel.toml"
@@ -68,11 +81,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.waves", description=__doc__)
     parser.add_argument("--seed", type=int, default=0, help="other dice")
     parser.add_argument("--every", type=int, default=1, help="only every so many of the voyages")
-    parser.add_argument("--calm", action="store_true", help="without waves")
+    calm = parser.add_mutually_exclusive_group()
+    calm.add_argument("--calm", action="store_true", help="without waves")
+    calm.add_argument("--hunting", action="store_true", help="no waves, an autopilot that swings")
     a = parser.parse_args(arguments)
     heads = ("boat, pilot", "hidden", "answer", "error (noise)", "s")
     print(f"| {' | '.join(heads)} |\n|{'---|' * len(heads)}")
-    for v in list(voyages(a.seed, a.calm))[:: a.every]:
+    chosen = hunted(a.seed) if a.hunting else voyages(a.seed, a.calm)
+    for v in list(chosen)[:: a.every]:
         with tempfile.TemporaryDirectory() as folder:
             done = diagnosed(*write(v, Path(folder)))
         row = [f"{v.boat.name}, {v.pilot}", ", ".join(h.name for h in v.hidden) or "nothing",

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Generator, Mapping
+from typing import NamedTuple
 
 from numpy.random import Generator as Dice
 
@@ -13,6 +14,17 @@ ARRIVED = 3.0  # m
 PATIENCE = 90.0  # s, before the next waypoint is taken
 
 Point = tuple[float, float]
+
+
+class Gains(NamedTuple):
+    """Steering for each radian of heading, and against each rad/s of turning."""
+
+    heading: float
+    rate: float
+
+
+CALM = Gains(0.9, 0.5)
+SHARP = Gains(4.0, -1.5)  # boats of the fleet swing every three to five seconds
 Leg = Generator[Stick, Report, Report]  # gives back what was seen last
 
 
@@ -44,6 +56,17 @@ def wander(boat: Boat, dice: Dice) -> Pilot:
         here = there
 
 
+def hunting(boat: Boat, dice: Dice) -> Pilot:
+    """From point to point by an autopilot whose steering is set too sharp: it swings to and fro."""
+    seen = yield Stick(0.0, 0.0)
+    here = (seen.north, seen.east)
+    while True:
+        there = (float(dice.uniform(-40.0, 40.0)), float(dice.uniform(-40.0, 40.0)))
+        speed = boat.top_speed() * float(dice.uniform(0.3, 0.85))
+        seen = yield from go(boat, seen, here, there, speed, SHARP)
+        here = there
+
+
 def straight(boat: Boat, dice: Dice) -> Pilot:
     """One long leg: heading and speed held, as far as the sea allows."""
     seen = yield Stick(0.0, 0.0)
@@ -54,7 +77,9 @@ def straight(boat: Boat, dice: Dice) -> Pilot:
         seen = yield from go(boat, seen, start, goal, speed)
 
 
-def go(boat: Boat, seen: Report, start: Point, goal: Point, speed: float) -> Leg:
+def go(
+    boat: Boat, seen: Report, start: Point, goal: Point, speed: float, gains: Gains = CALM
+) -> Leg:
     """Along the line from start to goal at a speed [m/s]."""
     track = math.atan2(goal[1] - start[1], goal[0] - start[0])
     length = math.hypot(goal[0] - start[0], goal[1] - start[1])
@@ -68,7 +93,7 @@ def go(boat: Boat, seen: Report, start: Point, goal: Point, speed: float) -> Leg
         error = slow * speed - _ahead(seen)
         gathered = min(max(gathered + 0.15 * error * TICK, -0.3), 0.3)
         throttle = _feed_forward(boat, slow * speed) + 0.4 * error + gathered
-        steer = 0.9 * _wrapped(course - seen.yaw) - 0.5 * seen.r
+        steer = gains.heading * _wrapped(course - seen.yaw) - gains.rate * seen.r
         seen = yield Stick(min(max(throttle, -0.5), 1.0), min(max(steer, -0.5), 0.5))
     return seen
 
@@ -93,5 +118,5 @@ def _wrapped(angle: float) -> float:
 
 PILOTS: Mapping[str, Callable[[Boat, Dice], Pilot]] = {
     pilot.__name__: pilot
-    for pilot in (excitation, drills, gentle, circles, survey, wander, straight)
+    for pilot in (excitation, drills, gentle, circles, survey, wander, hunting, straight)
 }
