@@ -164,6 +164,9 @@ MAX_FLOORS_WITH_EFFECTS = 5.0
 # Of the squared error above the noise that the base alone left: right answers that stood above it
 # left 1 and 12 %, strangers with a catalogue's name 36 and 41 % (light_and_days.md).
 MAX_SHARE_LEFT = 0.2
+# The same beside trains of waves: two of a sea of six left 20 to 36 %, one of a spectrum of
+# twenty-four 96 %.
+MAX_SHARE_LEFT_BY_PART = 0.5
 MIN_UNEXPLAINED_TOLD = 0.1  # of the squared error above the noise: less is not told in the verdict
 MIN_SHARE_OF_BASE_ERROR = 0.03  # of the squared error above the noise that the base alone left
 

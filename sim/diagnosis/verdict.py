@@ -57,11 +57,14 @@ def is_above_noise(effects: Sequence[Effect], ladder: Sequence[LadderStep], floo
     """Whether the last step's error cannot be noise, whatever it depends on.
 
     An effect in nature's own form may leave a few floors, but not much of what it was to explain.
-    Beside what is but a part of nature (one train of waves) the error alone tells nothing.
+    Beside what is but a part of nature (a train of waves) the error tells little, for the rest of
+    the sea is left; but what leaves the most of it explains nothing.
     """
     last = ladder[-1].heldout.nrmse
-    if any(e.partial for e in effects) or last <= thresholds.MAX_FLOORS * floor:
+    if last <= thresholds.MAX_FLOORS * floor:
         return False
+    if any(e.partial for e in effects):
+        return _is_more_than(thresholds.MAX_SHARE_LEFT_BY_PART, last, floor, ladder, floor)
     share = _share_of_form(effects)
     if effects and last <= thresholds.MAX_FLOORS_WITH_EFFECTS * floor:
         share = max(share, thresholds.MAX_SHARE_LEFT)

@@ -71,9 +71,18 @@ def test_an_error_far_above_the_noise_is_not_explained() -> None:
     half_way = [step(0.6), step(0.54), step(0.348, *names)]
     assert is_above_noise(found, half_way, 0.079)  # a third and more is left: a river's mouth
     assert not is_above_noise(found, half_way, 0.26)  # no more than a complete model may leave
-    assert not is_above_noise(
-        [named("wave_motion")], [step(0.9), step(0.9), step(0.6, *names)], 0.1
-    )
+
+
+def test_a_train_that_leaves_the_most_of_a_sea_does_not_explain_it() -> None:
+    def above(last: float, *also: str) -> bool:
+        names = ("wave_motion", *also)
+        ladder = [step(0.383), step(0.383), step(last, *names)]
+        return is_above_noise([named(name) for name in names], ladder, 0.123)
+
+    assert above(0.375)
+    assert above(0.375, "hull_lift")
+    assert not above(0.25)  # a part of nature: the rest of the sea is left
+    assert not above(0.17)
 
 
 def test_little_is_left_by_a_form_that_nature_chose_differently() -> None:
