@@ -55,14 +55,14 @@ def first_page(
         tested=tuple(map(_tested, found)),
         verdict=verdict,
         picture=_picture(shown),
-        actions=_with_outputs_right(_actions(found, answer), answer, wiring),
+        actions=_sentences(_with_outputs_right(_actions(found, answer), answer, wiring)),
         assumed=_sentences(assumed),
     )
 
 
 def _sentences(texts: Sequence[str]) -> tuple[str, ...]:
     """Each with a capital letter and a full stop."""
-    return tuple(f"{text[0].upper()}{text[1:]}." for text in texts)
+    return tuple(f"{text[0].upper()}{text[1:].removesuffix('.')}." for text in texts)
 
 
 def _with_outputs_right(

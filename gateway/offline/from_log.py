@@ -36,6 +36,7 @@ from gateway.vessel_file import load_vessel, name_after
 from sim.diagnosis.diagnose import DiagnoseSettings
 from sim.diagnosis.thresholds import GUESSED_PRIOR
 from sim.effects.effect import Effect
+from sim.identification.intervals import Estimate
 from sim.identification.wiring import CommandResponse, command_response
 from sim.state import Floats, Nu, Progress
 from sim.trial import Trial
@@ -197,7 +198,7 @@ def learn_from(
     source = f"learnt from {printable(Path(log).name)} alone"
     plain = replace(found.vessel, name=name, source=source)
     answer = _diagnosed(Path(log), plain, split, options, own, progress)
-    said = (split.sentence, *assumed)
+    said = (split.sentence, *assumed, *_as_assumed(found.estimates))
     return LearntVessel(plain, answer, split, said)
 
 
@@ -231,6 +232,14 @@ def begin_vessel(
     size = {"top_speed": max(round(top, 2), 0.1), **given}
     text = first_vessel(log, name_after(log), outputs, size)
     return text, (*_size_texts(given, size["top_speed"]), wiring)
+
+
+def _as_assumed(estimates: Sequence[Estimate]) -> list[str]:
+    """Numbers that the log does not tell, in a sentence."""
+    names = [e.name for e in estimates if not e.identifiable]
+    if not names:
+        return []
+    return [f"the log does not tell {', '.join(names)}: they are as assumed, from the boat's size"]
 
 
 def _outputs_text(outputs: Sequence[Actuator]) -> str:

@@ -13,6 +13,7 @@ from gateway.estimation.gyro_delay import assumed_texts
 from gateway.ingest.log import BoatSamples
 from gateway.ingest.parameter_changes import ALIKE_US, changes_text
 from gateway.ingest.sources import Choice
+from sim.identification.at_rest import axes_at_rest
 from sim.identification.wiring import wiring_notices, wiring_of
 from sim.state import Floats
 from sim.trial import Trial
@@ -35,12 +36,26 @@ def notices_of(trials: Sequence[Trial], vessel: Vessel) -> tuple[str, ...]:
         for notice in trial.notices:
             alike.setdefault(NUMBER.sub("", notice), []).append((trial.name, notice))
     wiring = wiring_notices(wiring_of(trials, vessel), vessel)
-    out = [*wiring, *outputs_without_actuator(trials, vessel), *assumed_by(vessel)]
+    out = [*wiring, *outputs_without_actuator(trials, vessel), *not_tested(trials)]
+    out += assumed_by(vessel)
     for group in alike.values():
         names = list(dict.fromkeys(name for name, _ in group))
         listed = names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
         out.append(f"{listed}: {group[0][1]}")
     return tuple(out)
+
+
+def not_tested(trials: Sequence[Trial]) -> list[str]:
+    """Which motion of the model these recordings cannot judge, for the boat did not move so."""
+    rest = axes_at_rest(trials)
+    if "surge" in rest and "yaw" in rest:
+        return ["the boat hardly moved: these recordings say nothing of the model"]
+    if "yaw" in rest:
+        return ["the boat hardly turned: whether the model turns as it does is not tested; sail "
+                "turns, slow ones and hard ones, either way"]  # fmt: skip
+    if "surge" in rest:
+        return ["the boat hardly moved ahead or astern: speeds of the model are not tested"]
+    return []
 
 
 def outputs_without_actuator(trials: Sequence[Trial], vessel: Vessel) -> list[str]:

@@ -305,7 +305,7 @@ def fit_base(
     """
     vessel, how = plain.vessel, settings.identify(plain.vessel)
     own = [f"{a.effect.name}.{key}" for a in vessel.effects for key in a.effect.fit_parameters]
-    how = replace(how, free=(*how.free, *own)).with_speeds_of(trials)
+    how = replace(how, free=(*how.free, *own)).with_motion_of(trials)
     shot = fit_by_shooting(FitInputs(unknowns_of(plain, len(trials), how), trials, how))
     unknowns = unknowns_for(superset, [], len(trials), how)
     problem = FitProblem.of(vessel, trials, unknowns, shot.z, shot.noise, how)

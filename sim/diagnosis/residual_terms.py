@@ -192,7 +192,7 @@ class _WhitenedTerms:
         """Changes of the fit's numbers, and sizes of the terms: (m + K,)."""
         unknowns, m = self.fit.unknowns, self.jacobian.shape[1]
         A, w = np.hstack([self.jacobian, terms])[rows], self.weight[rows]
-        P = np.array([u.prior for u in unknowns.each]) ** -2.0
+        P = unknowns.prior**-2.0
         ridge = thresholds.RIDGE_ROWS * np.maximum(np.mean(terms**2, axis=0), 1e-24)
         H = A.T @ (w[:, None] * A) + np.diag(np.append(P, ridge))
         s = A.T @ (w * self.residual[rows])

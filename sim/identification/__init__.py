@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from sim.identification.at_rest import axes_at_rest
 from sim.near_names import did_you_mean
 from sim.prediction.segments import BLOCK_S
 from sim.trial import Trial
@@ -36,6 +37,7 @@ class IdentifySettings:
     tied       short runs tied by a filter, not free ones (`sim.identification.innovations`): for
                hulls that are unstable on course
     offsets    offsets in time of commands and velocities, and rounding, are estimated along
+    at_rest    axes along which the recordings show no motion (`at_rest`): their numbers are held
     fastest    |u|, |v|, |r| of the recordings [m/s, m/s, rad/s]: damping that is over before a row
                can show it at these is held (`parameters`); None: none is
     """
@@ -51,6 +53,7 @@ class IdentifySettings:
     block: float = BLOCK_S
     offsets: bool = True
     tied: bool = False
+    at_rest: tuple[str, ...] = ()
     fastest: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
@@ -69,11 +72,13 @@ class IdentifySettings:
         held = {*self.fix, *self.priors}
         return all(name in self.free and name not in held for name in MASSES)
 
-    def with_speeds_of(self, trials: Sequence[Trial]) -> "IdentifySettings":
-        """The same with what these trials reach, but for the fastest hundredth of their rows."""
+    def with_motion_of(self, trials: Sequence[Trial]) -> "IdentifySettings":
+        """The same with how fast these trials are, but for the fastest hundredth of their rows, and
+        the axes along which they are at rest.
+        """
         speeds = np.concatenate([np.abs(t.nu[t.usable]) for t in trials])
         u, v, r = np.quantile(speeds, 0.99, axis=0).tolist()
-        return replace(self, fastest=(u, v, r))
+        return replace(self, fastest=(u, v, r), at_rest=axes_at_rest(trials))
 
 
 PLACES = {  # key of an actuator's number -> its field, and the place in it

@@ -300,7 +300,7 @@ def identify(
     before = Model.of(with_free_curves(vessel, settings.free))
     if settings.method in EQUATIONS:
         return _by_equations(trials, before, settings, others, seconds)
-    settings = settings.with_speeds_of(trials)
+    settings = settings.with_motion_of(trials)
     unknowns = unknowns_of(before, len(trials), settings)
     inputs, search = FitInputs(unknowns, trials, settings), FITS[settings.method]
     fit = search(inputs, None, progress)
@@ -308,7 +308,7 @@ def identify(
     vague = undetermined(unknowns, fit.z, uncertainty)
     last = replace(settings, horizons=settings.horizons[-1:])
     fixed = FitInputs(unknowns.fixed(vague), trials, last)
-    if vague.any() and not vague.all():
+    if (vague & ~unknowns.at_rest).any() and not vague.all():
         fit = search(fixed, np.where(vague, unknowns.start, fit.z))
     every = estimates_of(unknowns, fit.z, uncertainty, [t.name for t in trials])
     models = [fitted_model(unknowns, fit.z, i) for i in range(len(trials))]

@@ -31,10 +31,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 
-from sim.identification.noise import CHI2_MEDIAN, MIN_SIGMA, Noise, RunErrors
+from sim.identification.noise import CHI2_MEDIAN, Noise, RunErrors
 from sim.identification.tied_filter import filter_errors, riccati
 from sim.state import Floats, Ints
-from sim.trial import Trial
 
 # Chosen, not measured:
 # What no model knows of a velocity [m/s, m/s, rad/s] after one second: gusts, small waves. As of a
@@ -50,13 +49,6 @@ CLIP_STD = 5.0  # standard deviations: a larger innovation counts as this in the
 COLOUR_S = 2.4  # of the past that colour is told by; twice as much tells no more
 COLOUR_RIDGE = 1e-6  # of the variance, so that any innovations have a colour
 SCALE_ROUNDS = 5  # of the standard deviation of clipped values
-
-
-def track_std(trial: Trial) -> Floats:
-    """Standard deviation of the measured u, v, r that the trial states: (3,), median in time."""
-    variance = np.einsum("tii->ti", trial.covariance)[trial.usable, 3:6]
-    stated = np.sqrt(np.median(variance, axis=0)) if len(variance) else MIN_SIGMA
-    return np.asarray(np.maximum(np.nan_to_num(stated), MIN_SIGMA))
 
 
 class Colour(NamedTuple):

@@ -23,6 +23,7 @@ from sim.effects.catalogue import explaining
 from sim.effects.effect import Symptom
 from sim.identification import MASSES
 from sim.identification.parameters import (
+    ASSUMED_STD,
     DAMPING,
     DIRECTION,
     MAGNITUDE,
@@ -78,7 +79,16 @@ def uncertainty_of(unknowns: Unknowns, fit: FitResult, block: float) -> Uncertai
         factor = t if length == block else factor
         robust = np.diag(_jackknifed(H, weighted, fit, number, scale)) / np.diag(model)
         widen = np.maximum(widen, np.sqrt(robust) * t / factor)
-    return Uncertainty(information, model * np.outer(widen, widen), factor)
+    return _untold(unknowns, Uncertainty(information, model * np.outer(widen, widen), factor))
+
+
+def _untold(unknowns: Unknowns, found: Uncertainty) -> Uncertainty:
+    """Of numbers along an axis at rest nothing is known but what was before: noise alone spoke."""
+    held = unknowns.at_rest
+    std = np.array([min(u.prior, ASSUMED_STD * u.scale) for u in unknowns.each])
+    told = np.outer(~held, ~held)
+    covariance = np.where(told, found.covariance, 0.0) + np.diag(np.where(held, std**2, 0.0))
+    return found._replace(information=np.where(told, found.information, 0.0), covariance=covariance)
 
 
 def _jackknifed(H: Floats, weighted: Floats, fit: FitResult, number: Ints, scale: Floats) -> Floats:
@@ -256,7 +266,7 @@ def _doubt(unknowns: Unknowns, i: int, z: Floats, vague: bool, scaled: bool) -> 
             "not identifiable: known only as a share of thrust; fix the thrust, or a mass"
         )
     elif vague:
-        doubts.append(not_identifiable(u.name))
+        doubts.append(not_identifiable(u.name, u.at_rest))
     return "; ".join(doubts)
 
 
@@ -268,11 +278,12 @@ def _offset_text(name: str, early: bool) -> str:
     return f": {EARLY[name]}" if early else f": {symptom.value} ({explaining(symptom)})"
 
 
-def not_identifiable(name: str) -> str:
-    """The doubt of a parameter that the data do not determine, and what would."""
+def not_identifiable(name: str, why: str = "") -> str:
+    """The doubt of a parameter that the data do not determine, why, and what would."""
     manoeuvre = EXCITATIONS.get(name.rpartition(".")[2])
+    because = f": {why}" if why else ""
     more = f"; would be told by {manoeuvre}" if manoeuvre else ""
-    return f"not identifiable from these data{more}"
+    return f"not identifiable from these data{because}{more}"
 
 
 def trade_offs(unknowns: Unknowns, z: Floats, uncertainty: Uncertainty) -> tuple[str, ...]:
@@ -297,8 +308,8 @@ def _traded(unknowns: Unknowns, z: Floats, uncertainty: Uncertainty) -> list[lis
     for k in np.flatnonzero(value < (uncertainty.factor / UNDETERMINED_SHARE) ** 2):
         part = np.abs(vector[:, k])
         least = TRADE_SHARE * part.max()
-        names = [unknowns.each[i].name for i in np.argsort(-part) if part[i] > least]
-        out.append([n for n in names if n not in NUISANCE])
+        told = [unknowns.each[i] for i in np.argsort(-part) if part[i] > least]
+        out.append([u.name for u in told if u.name not in NUISANCE and not u.at_rest])
     return [names for names in out if len(names) > 1]
 
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from sim.effects.effect import Parameter, Scope
 from sim.identification import AREAS, MASSES, IdentifySettings
+from sim.identification.at_rest import AXES_AT_REST, axis_of
 from sim.identification.fast_damping import AXES, Axis, sizes_of_small_damping
 from sim.model import Model
 from sim.near_names import did_you_mean
@@ -66,6 +67,7 @@ class Unknown:
     trial      the only trial that it belongs to; None: all
     polar      MAGNITUDE or DIRECTION, of a pair with the unknown beside it; None: of no pair
     share_of   name of the parameter that it is estimated as a share of
+    at_rest    why the recordings cannot tell it, where they do not move along its axis: it is held
     direction  the parameter of the same effect that is the angle of this magnitude
     """
 
@@ -82,6 +84,7 @@ class Unknown:
     polar: int | None = None
     share_of: str | None = None
     direction: str = ""
+    at_rest: str = ""
 
     @property
     def large_change(self) -> float:
@@ -126,7 +129,13 @@ class Unknowns:
     @cached_property
     def prior(self) -> Floats:
         """Standard deviation (n,) of what is known beforehand."""
-        return _held(np.array([u.prior for u in self.each]))
+        held = (u.prior if not u.at_rest else FIXED_STD * u.scale for u in self.each)
+        return _held(np.fromiter(held, float))
+
+    @cached_property
+    def at_rest(self) -> NDArray[np.bool_]:
+        """Which (n,) are held because the boat did not move along their axis."""
+        return np.array([bool(u.at_rest) for u in self.each])
 
     @cached_property
     def step(self) -> Floats:
@@ -276,6 +285,8 @@ def unknowns_of(model: Model, trials: int, settings: IdentifySettings) -> Unknow
         prior = settings.priors.get(name)
         if prior is not None:
             one = replace(one, prior=prior * sizes[name], assumed=False)
+        if (axis := axis_of(name)) in settings.at_rest:
+            one = replace(one, at_rest=AXES_AT_REST[axis])
         own = scope is Scope.VOYAGE
         each += [replace(one, trial=trial) for trial in range(trials)] if own else [one]
     if settings.offsets:

@@ -16,12 +16,12 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.identification.at_rest import track_std
 from sim.identification.innovations import (
     Chain,
     chain_of,
     estimate_chain_noise,
     follows_of,
-    track_std,
 )
 from sim.identification.noise import (
     Noise,

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult
 
 from sim.identification import IdentifySettings
-from sim.identification.innovations import chain_of, track_std
+from sim.identification.at_rest import track_std
+from sim.identification.innovations import chain_of
 from sim.identification.noise import (
     Noise,
     RunErrors,

@@ -96,3 +96,16 @@ def test_of_one_side_of_the_change_only_its_own_parameters_count(
     told = notices_of([replace(trial, usable=trial.usable & inside)], WAM_V)
     assert any("changes from" in n for n in told) is False
     assert any("reversed in the autopilot" in n for n in told) is reversed_
+
+
+def test_what_a_boat_did_not_do_is_not_tested() -> None:
+    turned = simulated(WAM_V, 60.0)
+    straight = replace(turned, nu=turned.nu * np.array([1.0, 0.0, 0.0]))
+    astray = replace(turned, nu=turned.nu * np.array([0.0, 1.0, 1.0]))
+    for trial, told in ((straight, "the boat hardly turned"), (astray, "hardly moved ahead")):
+        assert [n for n in notices_of([trial], WAM_V) if told in n]
+        assert not [n for n in notices_of([trial, turned], WAM_V) if "hardly" in n]
+    (moored,) = [
+        n for n in notices_of([replace(turned, nu=0.0 * turned.nu)], WAM_V) if "hardly" in n
+    ]
+    assert moored == "the boat hardly moved: these recordings say nothing of the model"

@@ -10,7 +10,7 @@ from sim.diagnosis.fit import fit_effects, start_values, unknowns_for
 from sim.diagnosis.fit_problem import SupersetModel
 from sim.effects.catalogue import named
 from sim.identification import IdentifySettings
-from sim.identification.innovations import track_std
+from sim.identification.at_rest import track_std
 from sim.identification.noise import Noise
 from sim.identification.parameters import OFFSETS, ROUNDING, unknowns_of
 from sim.identification.runs import RunSet, errors_of_trials, run_errors
