@@ -8,7 +8,9 @@ noise that there is are efficient, and free of bias in a closed loop (Ljung, Sys
 
     over the shortest runs, under the colour of what the leader of each ranking leaves of them
 
-Neither alone does (benchmarks/results/waves.md). Free runs judge the errors as everywhere.
+Neither alone does (benchmarks/results/waves.md). Free runs judge the errors as everywhere. But what
+takes away most of the error of free runs comes before all: no waves do that, and a strong wind that
+no model has yet is a colour of its own, under which hardly anything of it is left.
 """
 
 from collections.abc import Sequence
@@ -40,8 +42,8 @@ class _SeaSearch(EffectSearch):
     """From the bare base to the effects that are justified beside waves."""
 
     def beside_waves(self, base: Fit, first: Ranking) -> Selection:
-        """The trains, then one effect after another, then backward."""
-        steps, fit = self._trains(base, first)
+        """What stands out of the sea, the trains, then one effect after another, then backward."""
+        steps, fit = self._trains(*self._standing_out(base, first), first)
         self.progress("in a sea: from one moment to the next, under the colour of what is left")
         bare = under_own_colour(_over_shortest_runs(base))
         fit = under_own_colour(_over_shortest_runs(fit)) if steps else bare
@@ -50,9 +52,22 @@ class _SeaSearch(EffectSearch):
         steps, fit = self._of_each_day(steps, fit)
         return self.selection(bare, first, steps, fit)
 
-    def _trains(self, base: Fit, first: Ranking) -> tuple[list[Ranking], Fit]:
-        """Trains of waves beside the base, as many as are justified."""
-        steps, fit = list[Ranking](), base
+    def _standing_out(self, base: Fit, first: Ranking) -> tuple[list[Ranking], Fit]:
+        """The first effect of a ranking that takes away most of the error of free runs, or none."""
+        row = self._first_justified(first, [], base)
+        if row is None or row.effect.partial or not self._takes_most(base, row.fit):
+            return [], base
+        return [first.led_by(row)], row.fit
+
+    def _takes_most(self, before: Fit, after: Fit) -> bool:
+        """Whether less than a part is left of the squared error above the noise on unseen time."""
+        scorer = self.scorer.shared_with(after)
+        had, left = (scorer.score_fit(fit).nrmse ** 2 for fit in (before, after))
+        floor = min(scorer.noise_floor**2, left)
+        return left - floor < thresholds.MAX_SHARE_LEFT_IN_A_SEA * (had - floor)
+
+    def _trains(self, steps: list[Ranking], fit: Fit, first: Ranking) -> tuple[list[Ranking], Fit]:
+        """Trains of waves beside what was found, as many as are justified."""
         names = {effect.name for effect in self.effects if effect.partial}
         for _ in names:
             seen = not steps and any(r.name in names for r in first.finalists)
@@ -67,8 +82,8 @@ class _SeaSearch(EffectSearch):
         return steps, fit
 
     def justified(self, row: RankedEffect, steps: Sequence[Ranking], fit: Fit) -> bool:
-        """As elsewhere; trains won their nats over longer runs, and leave no form of themselves."""
-        return super().justified(row, [s for s in steps if not s.best.effect.partial], fit)
+        """As elsewhere; what was found before won its nats over longer runs, without a colour."""
+        return super().justified(row, [s for s in steps if s.reference.problem.is_coloured], fit)
 
     def settled(self, base: Fit, fit: Fit) -> Fit:
         """The same effects with their last numbers, under the colour that these leave."""

@@ -15,7 +15,7 @@ from sim.trial import Trial
 # Chosen: three simulated voyages straight ahead had 0.8 to 1.2, voyages with turns 70 to 540 in
 # yaw rate and 2.5 to 9 in sway.
 MIN_MOTION_STD = 3.0
-MOST_STD = np.array([0.1, 0.1, 0.02])  # of u, v, r that a stated noise is believed to be here
+MOST_STD = np.array([0.05, 0.05, 0.005])  # of u, v, r that a stated noise is believed to be here
 AXES_AT_REST = {
     "surge": "the boat hardly moved ahead or astern",
     "sway": "the boat neither turned nor slid sideways",
@@ -33,7 +33,7 @@ def track_std(trial: Trial) -> Floats:
 def axes_at_rest(trials: Sequence[Trial]) -> tuple[str, ...]:
     """Those of `AXES_AT_REST` along which no recording shows more motion than its noise.
 
-    Some 0.3 m/s or 3 °/s are motion, whatever a recording states.
+    Some 0.15 m/s or 1 °/s are motion, whatever a recording states.
 
     A turn pushes sideways: how little a boat slides in it tells of her, so sway counts as at rest
     only where yaw does.
