@@ -85,10 +85,15 @@ def legs(vessel: Vessel, seconds: float, dt: float = 0.05) -> tuple[Floats, Floa
 
 
 def in_a_sea(
-    seconds: float, dt: float = 0.1, late: float = 0.0, port: float = 1.0
+    seconds: float,
+    dt: float = 0.1,
+    late: float = 0.0,
+    port: float = 1.0,
+    current: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Courses that an autopilot holds against thirty waves of three seconds or so, of all phases;
-    motors hear it `late` [s], the port one gives such a share of its thrust; as `voyage`.
+    motors hear it `late` [s], the port one gives such a share of its thrust, the water runs towards
+    (north, east) [m/s]; as `voyage`.
     """
     chance = np.random.default_rng(4)
     rate, phase = chance.normal(2.1, 0.3, 30), chance.uniform(0.0, 2.0 * np.pi, (3, 30))
@@ -102,7 +107,8 @@ def in_a_sea(
         return np.clip([ahead + turn, ahead - turn], -0.5, 1.0)
 
     rows = round(late / dt)
-    return _sailed(WAM_V, len(waves), dt, np.zeros(2), pilot, lambda k: waves[k], rows, port)
+    stream = np.array(current)
+    return _sailed(WAM_V, len(waves), dt, stream, pilot, lambda k: waves[k], rows, port)
 
 
 def _sailed(

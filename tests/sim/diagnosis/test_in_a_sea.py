@@ -35,9 +35,9 @@ CATALOGUE = tuple(
 )
 
 
-def shaken(port: float, seconds: float = 300.0) -> Trial:
+def shaken(port: float, seconds: float = 300.0, current: tuple[float, float] = (0.0, 0.0)) -> Trial:
     """A voyage in a sea, the port motor with that share of its thrust; physics of other code."""
-    *motion, drive = in_a_sea(seconds, DT, port=port)
+    *motion, drive = in_a_sea(seconds, DT, port=port, current=current)
     noisy = np.hstack(motion) + np.random.default_rng(5).normal(0.0, STD, (len(drive), 9))
     eta, nu, nu_dot = np.split(noisy, 3, axis=1)
     return trial_of(eta, nu, nu_dot, drive, DT, np.diag(STD**2))
@@ -108,3 +108,20 @@ def test_in_a_sea_what_is_there_is_found_and_nothing_else(port: float, expected:
         values = fit.values("thruster_imbalance")
         assert values["starboard"] == 0.0
         assert values["port_gain"] == pytest.approx(0.9, abs=0.03)
+
+
+@pytest.mark.slow
+def test_what_takes_most_of_the_error_comes_before_the_waves() -> None:
+    """Under the colour of all that a current does little of it is left."""
+    trial, plain = shaken(1.0, current=(0.5, -0.3)), Model.of(WAM_V)
+    superset = SupersetModel.of(WAM_V, CATALOGUE)
+    base = fit_base(superset, plain, [trial], DiagnoseSettings())
+    scorer = HeldOutScorer.of([trial], plain)
+    search = EffectSearch(superset, CATALOGUE, 4, lambda _: None, map, scorer)
+    first, _ = search.ranked(base, [])
+    found = search_beside_waves(search, base, first)
+    assert [a.effect.name for a in found.fit.added if not a.effect.partial] == ["steady_current"]
+    values = found.fit.values("steady_current")
+    north, east = (values["speed"] * f(values["direction"]) for f in (np.cos, np.sin))
+    assert (north, east) == pytest.approx((0.5, -0.3), abs=0.03)
+    assert scorer.score_fit(found.fit).nrmse < 0.6 * scorer.score_fit(found.base).nrmse
