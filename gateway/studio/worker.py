@@ -234,13 +234,13 @@ class CardReader:
         return news
 
 
-def card_text(path: Path, reader: CardReader) -> str:
-    """A recording in words with its track, or why there is none, as HTML."""
-    name = f"<h3>{escape(path.name)}</h3>"
-    view = reader.cards.get(str(path))
+def card_text(path: str, label: str, reader: CardReader) -> str:
+    """A recording in words with its track, or why there is none, as HTML; `label`: its name."""
+    name = f"<h3>{escape(label)}</h3>"
+    view = reader.cards.get(path)
     if view is None:
-        why = reader.refused.get(str(path))
-        waiting = "<p class='faint'>being read …</p>" if reader.is_waiting(str(path)) else ""
+        why = reader.refused.get(path)
+        waiting = "<p class='faint'>being read …</p>" if reader.is_waiting(path) else ""
         return name + (f"<p class='warn'>{escape(why)}</p>" if why else waiting)
     found = view.survey
     boats = "; ".join(escape(f"{b.boat} {b.firmware}".strip()) for b in found.boats) or "no boat"

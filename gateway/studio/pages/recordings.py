@@ -1,5 +1,6 @@
 """Recordings: what there is in the folders that were given, what is in them, what to work on."""
 
+from collections import Counter
 from functools import partial
 from html import escape
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import Any
 import panel as pn
 
 from gateway.errors import BadInput, ShadowError
+from gateway.studio.access import labels
 from gateway.studio.controls import report_download
 from gateway.studio.page import (
     NO_BUTTON,
@@ -56,6 +58,7 @@ class RecordingsPage(Page):
         self._get = report_download(self)
         self._shown: str | None = None  # the session's vessel file when it was looked at last
         self._leave = ""  # the vessel file for which unsaved changes are to be left behind
+        self._names: dict[str, str] = {}  # path of each recording -> how it is called here
         self._details: dict[str, Any] = {}
         self._taken: dict[str, bytes | str] = {}  # what was dropped on this page, by name
         self._came, self._refused = dict[str, str](), dict[str, str]()  # of it, as its message says
@@ -86,31 +89,34 @@ class RecordingsPage(Page):
     def _list(self) -> None:
         session = self.session
         files = session.folders.recordings()
-        self._logs.options = {file.name: str(file) for file in files}
+        named = {label: str(file) for label, file in labels(files).items()}
+        self._logs.options = named
         chosen = {path.resolve() for path in session.logs}
         self._logs.value = [str(file) for file in files if file.resolve() in chosen]
         refused = session.folders.refused_vessels()
         offered = [file for file in session.folders.vessels() if file not in refused]
-        vessels = {file.name: str(file) for file in offered}
+        vessels = {label: str(file) for label, file in labels(offered).items()}
         now = str(session.vessel_file) if session.vessel_file else None
         if self._vessel.options != vessels:
             self._vessel.options = vessels
         if now != self._shown and now in vessels.values():
             self._vessel.value, self._shown = now, now
-        if set(self._details) != {str(file) for file in files}:
-            self._details = {str(file): html() for file in files}
+        if self._names != {path: label for label, path in named.items()}:
+            self._names = {path: label for label, path in named.items()}
+            self._details = {path: html() for path in self._names}
             self._rows.objects = [self._row(file) for file in files]
             session.reader.want(files)
             self._show_surveys()
 
     def _row(self, file: Path) -> Any:
         alone = self.guarded(partial(self.session.report_from_log, file))
-        press = button(f"Report from {file.name} alone", alone, sizing_mode="stretch_width")
+        text = f"Report from {self._names[str(file)]} alone"
+        press = button(text, alone, sizing_mode="stretch_width")
         return card(self._details[str(file)], press)
 
     def _show_surveys(self) -> None:
         for path, place in self._details.items():
-            text = card_text(Path(path), self.session.reader)
+            text = card_text(path, self._names[path], self.session.reader)
             if place.object != text:
                 place.object = text
 
@@ -135,7 +141,9 @@ class RecordingsPage(Page):
             raw = content.encode() if isinstance(content, str) else content
             refused.pop(name, None)  # it may be another file this time
             try:
-                came[name] = self.session.add_recording(name, raw).name
+                file = self.session.add_recording(name, raw)
+                renamed = f"{file.name} ({name} as it was dropped: a folder given has one)"
+                came[name] = name if file.name == name else renamed
             except ShadowError as error:
                 refused[name] = str(error)
         are, it, one = ("is", "it", "it") if len(came) == 1 else ("are", "them", "one")
@@ -162,6 +170,12 @@ class RecordingsPage(Page):
             raise BadInput("choose at least one recording")
         session = self.session
         logs = tuple(Path(path) for path in self._logs.value)
+        twice = [stem for stem, n in Counter(path.stem for path in logs).items() if n > 1]
+        if twice:  # on all pages a recording is known by that
+            raise BadInput(
+                f"{' and '.join(twice)}: several have this name, and the pages could not tell them "
+                "apart: work on one of them at a time, or rename one"
+            )
         vessel = Path(self._vessel.value) if self._vessel.value else None
         changed = session.watch is not None and session.watch.differs  # by another program
         if vessel is not None and (vessel != session.vessel_file or changed):

@@ -3,7 +3,6 @@
 import shutil
 import tomllib
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -137,12 +136,12 @@ def test_recordings_are_laid_over_one_another_at_a_moment_or_along_the_way(compa
 def test_a_card_says_when_where_and_how_much():
     view = card_task(lambda _: None, str(LOG))
     reader = CardReader(cards={str(LOG): view}, refused={"/no.tlog": "no.tlog is a text file"})
-    text = card_text(LOG, reader)
+    text = card_text(str(LOG), LOG.name, reader)
     assert f"<strong>{view.usable_s / 60.0:.0f} min usable</strong>" in text
     assert view.usable_s == pytest.approx(300.0, abs=5.0)
     assert "<polyline" in text
-    assert "is a text file" in card_text(Path("/no.tlog"), reader)
-    assert "usable" not in card_text(Path("/other.tlog"), reader)
+    assert "is a text file" in card_text("/no.tlog", "no.tlog", reader)
+    assert "usable" not in card_text("/other.tlog", "other.tlog", reader)
 
 
 def test_a_dropped_recording_goes_nowhere_else_and_over_nothing(session):
