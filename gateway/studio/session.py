@@ -292,6 +292,8 @@ class Session:
         file = self.folders.to_add(name)
         write_whole(file, content, "the recording")
         self.reader.want([file])
+        if file in self.logs:  # it takes the place of one that was removed
+            self.set_logs(self.logs)
         self._changed("files")
         return file
 

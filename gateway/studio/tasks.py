@@ -50,7 +50,7 @@ from gateway.studio import (
     TrialView,
     VesselView,
 )
-from gateway.studio.worker import Send, changed_ns
+from gateway.studio.worker import Send, file_stamp
 from gateway.user_effects import EffectFile, known_effects
 from gateway.vessel_file import load_vessel
 from sim.comparison import Bin, Regime, bin_of, regimes_of
@@ -73,7 +73,7 @@ MOST_KEPT = 12  # recordings, of each process
 ROUGH = "{}: a first look, two points a second; it is being read whole"
 
 _last: dict[str, DiagnosisResult] = {}  # of this process, for the report
-_kept: dict[tuple[str, int, str | None], Read] = {}  # of this process
+_kept: dict[tuple[str, tuple[int, ...], str | None], Read] = {}  # of this process
 
 
 def trials_in(path: str, mapping: str | None = None) -> tuple[Trial, ...]:
@@ -85,7 +85,7 @@ def _read(
     path: str, mapping: str | None, first_look: Callable[[Read], None] = lambda _: None
 ) -> Read:
     """The trials of a recording; of a long one `first_look` gets a rough reading before."""
-    key = path, changed_ns(path), mapping
+    key = path, file_stamp(path), mapping
     if key not in _kept:
         log = open_log(path, mapping)
         known = happenings(log, choose_floating(log))

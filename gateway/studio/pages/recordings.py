@@ -81,6 +81,7 @@ class RecordingsPage(Page):
         """Files, what is chosen, what was found in them."""
         return {
             ("files", "logs", "vessel"): self._list,
+            ("files",): self._read,
             ("surveys",): self._show_surveys,
             ("report",): self._show_report,
             ("files", "trials", "logs"): self._show_problems,
@@ -105,8 +106,12 @@ class RecordingsPage(Page):
             self._names = {path: label for label, path in named.items()}
             self._details = {path: html() for path in self._names}
             self._rows.objects = [self._row(file) for file in files]
-            session.reader.want(files)
             self._show_surveys()
+
+    def _read(self) -> None:
+        """Ask for the cards of recordings that are new, or were changed."""
+        self.session.reader.want(self.session.folders.recordings())
+        self._show_surveys()
 
     def _row(self, file: Path) -> Any:
         alone = self.guarded(partial(self.session.report_from_log, file))

@@ -101,6 +101,7 @@ class SignalsPage(Page):
         if first in options.values():
             self._log.value = first
         self._quiet = False
+        self.session.signals.forget_changed()
         self._show()
 
     def _choose_log(self) -> None:
