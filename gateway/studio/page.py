@@ -29,7 +29,8 @@ from gateway.figures.html_report import GLOSSARY
 from gateway.studio import Address
 from gateway.studio.access import labels
 from gateway.studio.live_history import LiveHistory
-from gateway.studio.session import Notice, Session
+from gateway.studio.notice import Notice
+from gateway.studio.session import Session
 from gateway.studio.worker import BUG, FleetReader
 from sim.effects.effect import LawError
 

@@ -24,6 +24,7 @@ from gateway.studio import (
     tasks,
 )
 from gateway.studio.access import Folders
+from gateway.studio.notice import Notice
 from gateway.studio.signals import SignalReader
 from gateway.studio.version import GIVEN, Version
 from gateway.studio.vessel_watch import VesselWatch, portable
@@ -34,22 +35,6 @@ from sim.effects.effect import LawError
 NOW = "now"
 VESSEL = "vessel file"  # what a notice is about
 UPDATE_S = 0.05  # between two looks at the workers, however many pages are open
-GOOD_S = 15.0  # good news stay that long; what went wrong stays until it is no longer true
-
-
-@dataclass(frozen=True)
-class Notice:
-    """A line for people: what went wrong, or well, and when it was said (monotonic clock [s])."""
-
-    text: str
-    good: bool
-    since: float
-    about: str = ""
-
-    @property
-    def holds(self) -> bool:
-        """Whether the notice is still to be shown."""
-        return not self.good or time.monotonic() - self.since < GOOD_S
 
 
 @dataclass
@@ -92,6 +77,7 @@ class Session:
     _asked: tuple[Path, ...] = ()
     _updated: float = 0.0
     _done: Callable[[Any], None] | None = None
+    _alone: bool = False  # the long work that is under way does not depend on what is chosen
 
     def __post_init__(self) -> None:
         try:
@@ -112,7 +98,7 @@ class Session:
         every = tuple(dict.fromkeys((*self.effect_files, *more)))
         tasks.vessel_of(text, tasks.effects_in(every))  # raises where it has a mistake
         self.effect_files = every
-        self.slow.cancel()  # an answer about another vessel is no longer wanted
+        self._end_work("another vessel file was taken")
         self.vessel_file, self.versions, self.undone = file, [Version(text)], []
         self.watch = VesselWatch(file, text)
         self.diagnosis = None
@@ -121,7 +107,7 @@ class Session:
     def set_logs(self, paths: Sequence[Path]) -> None:
         """Work on these recordings."""
         self.logs = tuple(self.folders.checked(path) for path in paths)
-        self.slow.cancel()
+        self._end_work("other recordings were chosen")
         self.learn_from = tuple(p for p in self.learn_from if p in self.logs)
         self.trials, self.compared, self.refused, self.diagnosis = (), (), {}, None
         self.scope = WHOLE
@@ -131,7 +117,7 @@ class Session:
         """Compare, diagnose and fit on some of the time alone, or without it."""
         if scope != self.scope:
             self.scope = scope
-            self.slow.cancel()  # an answer about other time is no longer wanted
+            self._end_work("other stretches of time were chosen")
             self.diagnosis = None
             self._changed("scope", "diagnosis")
 
@@ -226,15 +212,31 @@ class Session:
     # work
 
     def start(
-        self, job: str, task: Callable[..., Any], *arguments: Any, done: Callable[[Any], None]
-    ) -> None:
+        self, job: str, task: Callable[..., Any], *arguments: Any, done: Callable[[Any], None],
+        alone: bool = False,
+    ) -> None:  # fmt: skip
         """Begin `task(send, *arguments)` in a process of its own; `done` takes its result.
 
+        `alone`: the answer does not depend on what is chosen, and other choices do not end it.
         RuntimeError while another job of this kind is under way.
         """
         self.slow.start(job, task, *arguments)
-        self._done = done
+        self._done, self._alone = done, alone
         self._settled(job)
+
+    @property
+    def _has_work(self) -> bool:
+        """Whether something long is under way whose answer is about what is chosen now."""
+        return self.slow.busy and not self._alone
+
+    def _end_work(self, why: str) -> None:
+        """End work whose answer would be about something else; all pages say so."""
+        if self._has_work:
+            job = str(self.slow.job)
+            self.notify(f"{job} was ended, for {why}: start it again where it is still wanted",
+                        about=job)  # fmt: skip
+        if not (self.slow.busy and self._alone):
+            self.slow.cancel()
 
     def diagnose(self) -> None:
         """Look for what the vessel lacks, from the recordings chosen for that."""
@@ -277,7 +279,7 @@ class Session:
         log = str(self.folders.checked(path))
         self.start(f"report from {path.name} alone", tasks.log_report_task, log,
                    self._report_file(), self.effect_files, self.mapping,
-                   done=self._reported)  # fmt: skip
+                   done=self._reported, alone=True)  # fmt: skip
 
     def _report_file(self) -> str:
         return str(self.folders.write / time.strftime("report-%Y%m%d-%H%M%S.html"))
@@ -337,7 +339,7 @@ class Session:
         stays = f"{news.says}: the studio goes on with it as it was"
         if not news.usable:
             self.notify(stays, about=VESSEL)
-        elif self.slow.busy or self.diagnosis is not None or len(self.versions) > 1:
+        elif self._has_work or self.diagnosis is not None or len(self.versions) > 1:
             self.notify(f"{stays}; choose it again under Recordings to take it", about=VESSEL)
         elif self.watch.differs:
             try:

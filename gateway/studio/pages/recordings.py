@@ -11,6 +11,7 @@ import panel as pn
 from gateway.errors import BadInput, ShadowError
 from gateway.studio.access import labels
 from gateway.studio.controls import report_download
+from gateway.studio.notice import Notice
 from gateway.studio.page import (
     NO_BUTTON,
     STYLE,
@@ -24,7 +25,6 @@ from gateway.studio.page import (
     select,
     stack,
 )
-from gateway.studio.session import Notice
 from gateway.studio.worker import card_text
 
 GRID = {"display": "grid", "grid-template-columns": "repeat(auto-fill, minmax(280px, 1fr))",
