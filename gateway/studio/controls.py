@@ -119,7 +119,10 @@ class SaveControls:
 
     def _save(self) -> None:
         file = self._session.save(self._name.value.strip())
-        self._page.notify(f"saved: {file}", good=True)
+        made = self._session.to_save(file.parent)
+        names = " and ".join(made.beside)
+        along = f", and its own effects beside it ({names}): they go where it goes" if names else ""
+        self._page.notify(f"saved: {file}{along}{made.to_trust(str(file))}", good=True)
 
 
 SINCE = Axis("time after that moment", "s")

@@ -25,9 +25,10 @@ from gateway.studio import (
 )
 from gateway.studio.access import Folders
 from gateway.studio.notice import Notice
+from gateway.studio.own_effects import VesselToSave, take_vessel, vessel_to_save, with_effects
 from gateway.studio.signals import SignalReader
-from gateway.studio.version import GIVEN, Version
-from gateway.studio.vessel_watch import VesselWatch, portable
+from gateway.studio.version import GIVEN, Version, with_step
+from gateway.studio.vessel_watch import VesselWatch
 from gateway.studio.worker import CardReader, JobMessage, Worker
 from gateway.user_effects import EffectFile
 from sim.effects.effect import LawError
@@ -71,15 +72,18 @@ class Session:
     mapping: str | None = None  # of .csv tables; default: the one beside each
     run: str = field(default_factory=lambda: secrets.token_hex(8))  # names this run of the studio
     revision: Counter[str] = field(default_factory=Counter)
-    watch: VesselWatch | None = None  # over the vessel file
+    watch: VesselWatch | None = None  # over the vessel file and its effect files
     _stale: bool = False
     _saved: str = ""  # text of the vessel file that was saved last
     _asked: tuple[Path, ...] = ()
+    _asked_effects: tuple[EffectFile, ...] = ()  # with the laws that are compared
+    _compared_effects: tuple[EffectFile, ...] = ()
     _updated: float = 0.0
     _done: Callable[[Any], None] | None = None
     _alone: bool = False  # the long work that is under way does not depend on what is chosen
 
     def __post_init__(self) -> None:
+        self._named = self.effect_files  # those that the user named
         try:
             self.layout = load_layout(self.folders.write)
         except BadInput as error:
@@ -92,15 +96,13 @@ class Session:
     def set_vessel(self, path: Path) -> None:
         """Begin with a vessel file."""
         file = self.folders.checked(path)
-        text, effect_files = portable(file)
-        named = {Path(one.path).resolve() for one in self.effect_files if one.named}
-        more = [one for one in effect_files if Path(one.path).resolve() not in named]
-        every = tuple(dict.fromkeys((*self.effect_files, *more)))
-        tasks.vessel_of(text, tasks.effects_in(every))  # raises where it has a mistake
+        taken = take_vessel(file, self._named)
+        every = with_effects(self.effect_files, taken.effects)
+        tasks.vessel_of(taken.text, tasks.effects_in(every))  # raises where it has a mistake
         self.effect_files = every
         self._end_work("another vessel file was taken")
-        self.vessel_file, self.versions, self.undone = file, [Version(text)], []
-        self.watch = VesselWatch(file, text)
+        self.vessel_file, self.versions, self.undone = file, [Version(taken.text)], []
+        self.watch = VesselWatch(file, taken, self._named)
         self.diagnosis = None
         self._changed("vessel", "diagnosis")
 
@@ -152,8 +154,10 @@ class Session:
     @property
     def is_current(self) -> bool:
         """Whether what was compared is the vessel as it is now."""
-        compared = self.compared, self.compared_scope
-        return bool(self.trials) and compared == (tuple(self.vessels()), self.scope)
+        compared = self.compared, self.compared_scope, self._compared_effects
+        return bool(self.trials) and compared == (
+            tuple(self.vessels()), self.scope, self.effect_files
+        )  # fmt: skip
 
     def slide(self, text: str, change: str) -> None:
         """A number changes by a slider: one step back undoes the whole slide."""
@@ -183,20 +187,22 @@ class Session:
     def climb(self, step: LadderView) -> None:
         """Add what a step adds, or put it in the place of another: its vessel, and its bar."""
         assert self.diagnosis is not None
-        before = self.diagnosis.before
-        bars = [s.bar for s in self.diagnosis.up_to(step)]
-        earlier = [v.ladder for v in self.versions if v.effects == before]
-        ladder = (*earlier[0], *bars[1:]) if before and earlier else tuple(bars)
-        name = step.effects[-1].replace("_", " ") if step.effects else "re-fitted base"
-        self._next(Version(step.text, (*before, *step.effects), ladder, f"+ {name}"))
+        self._next(with_step(self.versions, self.diagnosis, step))
+
+    def to_save(self, folder: Path | None = None) -> VesselToSave:
+        """The vessel as it leaves the studio; BadInput where there is none yet."""
+        if self.version is None:
+            raise BadInput("there is no vessel to save yet: choose one under Recordings")
+        return vessel_to_save(self.version.text, self.effect_files, folder)
 
     def save(self, name: str) -> Path:
-        """The vessel as a file in the folder of results."""
-        if self.version is None:
-            raise BadInput("there is no vessel to save yet")
+        """The vessel as a file in the folder of results, and beside it its own effects' files."""
         file = self.folders.to_save(name)
-        write_whole(file, self.version.text.encode(), "the vessel file")
-        self._saved = self.version.text
+        text, beside = self.to_save(file.parent)
+        for one, effect_file in beside.items():
+            write_whole(file.with_name(one), effect_file.content, "the effect")
+        write_whole(file, text.encode(), "the vessel file")
+        self._saved = self.versions[-1].text
         self._changed("files")
         return file
 
@@ -324,13 +330,13 @@ class Session:
         if self.signals.update():
             self._changed("signals")
         if self._stale and not self.quick.busy and self.logs and self.versions:
-            self._stale, self._asked = False, self.logs
+            self._stale, self._asked, self._asked_effects = False, self.logs, self.effect_files
             vessels = tuple(self.vessels())
             self.quick.start("compare", tasks.compare_task, [str(p) for p in self.logs], vessels,
                              self.effect_files, self.mapping, self.scope)  # fmt: skip
 
     def _look_at_the_vessel(self) -> None:
-        """Take the vessel file anew where it was changed; only say so where work would be lost."""
+        """Take the vessel's files anew where one was changed; if work would be lost only say so."""
         news = None if self.watch is None else self.watch.news()
         if self.watch is None or news is None:
             return
@@ -339,9 +345,12 @@ class Session:
         stays = f"{news.says}: the studio goes on with it as it was"
         if not news.usable:
             self.notify(stays, about=VESSEL)
+        elif not self.watch.differs:
+            return
         elif self._has_work or self.diagnosis is not None or len(self.versions) > 1:
-            self.notify(f"{stays}; choose it again under Recordings to take it", about=VESSEL)
-        elif self.watch.differs:
+            self.notify(f"{stays}; choose the vessel again under Recordings to take it",
+                        about=VESSEL)  # fmt: skip
+        else:
             try:
                 self.set_vessel(self.watch.file)
                 self.notify(f"{news.says}: read again", good=True, about=VESSEL)
@@ -371,6 +380,7 @@ class Session:
         elif message.kind == "done":
             self.trials, self.refused = message.value.trials, message.value.refused
             self.compared, self.compared_scope = message.value.vessels, message.value.scope
+            self._compared_effects = self._asked_effects
             self._settled(message.job)
             self._changed("trials")
         elif message.kind == "failed":

@@ -202,7 +202,9 @@ def test_a_vessel_file_that_is_edited_is_read_again_and_where_work_would_be_lost
     assert session.version.text == file.read_text() != text
     session.slide(with_values(session.version, {"m11": 41.0}), "m11 moved by hand")
     file.write_text(text)
-    assert "changed: the studio goes on with it as it was; choose it again" in looked(session)
+    assert "changed: the studio goes on with it as it was; choose the vessel again" in looked(
+        session
+    )
     assert tomllib.loads(session.version.text)["dynamics"]["m11"] == 41.0
     assert session.watch.differs
 
