@@ -10,8 +10,7 @@ import hmac
 import os
 import re
 import secrets
-from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import chain, count
 from pathlib import Path
@@ -108,15 +107,6 @@ class Folders:
             if folder.is_dir():
                 found += [f for f in sorted(folder.iterdir()) if _plain(f, folder) and wanted(f)]
         return found
-
-
-def labels(files: Sequence[Path]) -> dict[str, Path]:
-    """Files by their names to choose from; behind a name that several have stands the folder."""
-    times = Counter(file.name for file in files)
-    return {
-        file.name if times[file.name] == 1 else f"{file.name} ({file.parent})": file
-        for file in files
-    }
 
 
 def _is_taken(file: Path) -> bool:

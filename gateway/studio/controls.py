@@ -16,7 +16,7 @@ from gateway.errors import BadInput
 from gateway.figures import SEVERAL, VELOCITIES, Axis, FigureData, Line, Panel, SeriesRole
 from gateway.figures.bokeh_draw import BokehFigure, LinkedView
 from gateway.studio import TrialView
-from gateway.studio.access import labels
+from gateway.studio.names import labels
 from gateway.studio.page import (
     Page,
     bokeh_part,
@@ -122,7 +122,8 @@ class SaveControls:
         made = self._session.to_save(file.parent)
         names = " and ".join(made.beside)
         along = f", and its own effects beside it ({names}): they go where it goes" if names else ""
-        self._page.notify(f"saved: {file}{along}{made.to_trust(str(file))}", good=True)
+        trust = made.to_trust(str(file))
+        self._page.notify(f"saved: {file}{along}{trust}", good=not trust)
 
 
 SINCE = Axis("time after that moment", "s")

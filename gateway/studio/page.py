@@ -27,8 +27,8 @@ from gateway.figures import LIGHT, THEMES
 from gateway.figures.bokeh_draw import LinkedView
 from gateway.figures.html_report import GLOSSARY
 from gateway.studio import Address
-from gateway.studio.access import labels
 from gateway.studio.live_history import LiveHistory
+from gateway.studio.names import labels
 from gateway.studio.notice import Notice
 from gateway.studio.session import Session
 from gateway.studio.worker import BUG, FleetReader

@@ -24,6 +24,7 @@ from gateway.studio import (
     tasks,
 )
 from gateway.studio.access import Folders
+from gateway.studio.names import recording_names, scope_alone
 from gateway.studio.notice import Notice
 from gateway.studio.own_effects import VesselToSave, take_vessel, vessel_to_save, with_effects
 from gateway.studio.signals import SignalReader
@@ -244,35 +245,38 @@ class Session:
         if not (self.slow.busy and self._alone):
             self.slow.cancel()
 
-    def diagnose(self) -> None:
-        """Look for what the vessel lacks, from the recordings chosen for that."""
+    def _to_learn(self) -> tuple[list[str], Version, Scope]:
+        """Recordings to learn from, the vessel that is to learn, the time that is taken."""
         if self.version is None or not self.logs:
             raise BadInput("choose a recording and a vessel file first")
         logs = [str(path) for path in self.learn_from or self.logs[:1]]
-        before = self.version.effects
+        names = recording_names([str(path) for path in self.logs])
+        return logs, self.version, scope_alone(self.scope, names, logs)
+
+    def diagnose(self) -> None:
+        """Look for what the vessel lacks, from the recordings chosen for that."""
+        logs, now, scope = self._to_learn()
 
         def done(diagnosis: DiagnosisView) -> None:
-            self.diagnosis = replace(diagnosis, before=before)
+            self.diagnosis = replace(diagnosis, before=now.effects)
             self._changed("diagnosis")
 
-        self.start("diagnose", tasks.diagnose_task, logs, self.version.text, self.effect_files,
-                   self.mapping, self.scope, done=done)  # fmt: skip
+        self.start("diagnose", tasks.diagnose_task, logs, now.text, self.effect_files,
+                   self.mapping, scope, done=done)  # fmt: skip
         self.diagnosis = None
         self._changed("diagnosis")
 
     def fit(self) -> None:
         """Fit the base numbers of the vessel to the recordings chosen to learn from."""
-        if self.version is None or not self.logs:
-            raise BadInput("choose a recording and a vessel file first")
-        logs, now = self.learn_from or self.logs[:1], self.version
-        names = ", ".join(path.name for path in logs)
+        logs, now, scope = self._to_learn()
+        names = ", ".join(Path(path).name for path in logs)
         part = f", {self.scope.text}" if self.scope.text else ""
 
         def done(text: str) -> None:
             self._next(Version(text, now.effects, now.ladder, f"fitted to {names}{part}"))
 
-        self.start("fit", tasks.fit_task, [str(path) for path in logs], now.text,
-                   self.effect_files, self.mapping, self.scope, done=done)  # fmt: skip
+        self.start("fit", tasks.fit_task, logs, now.text, self.effect_files, self.mapping, scope,
+                   done=done)  # fmt: skip
 
     def write_report(self) -> None:
         """Write an HTML report of the comparison and of the diagnosis if there is one."""

@@ -9,8 +9,8 @@ from typing import Any
 import panel as pn
 
 from gateway.errors import BadInput
-from gateway.studio.access import labels
 from gateway.studio.controls import FigurePlace
+from gateway.studio.names import labels
 from gateway.studio.page import (
     STYLE,
     Page,

@@ -1,6 +1,5 @@
 """Recordings: what there is in the folders that were given, what is in them, what to work on."""
 
-from collections import Counter
 from functools import partial
 from html import escape
 from pathlib import Path
@@ -9,8 +8,8 @@ from typing import Any
 import panel as pn
 
 from gateway.errors import BadInput, ShadowError
-from gateway.studio.access import labels
 from gateway.studio.controls import report_download
+from gateway.studio.names import labels
 from gateway.studio.notice import Notice
 from gateway.studio.page import (
     NO_BUTTON,
@@ -175,12 +174,6 @@ class RecordingsPage(Page):
             raise BadInput("choose at least one recording")
         session = self.session
         logs = tuple(Path(path) for path in self._logs.value)
-        twice = [stem for stem, n in Counter(path.stem for path in logs).items() if n > 1]
-        if twice:  # on all pages a recording is known by that
-            raise BadInput(
-                f"{' and '.join(twice)}: several have this name, and the pages could not tell them "
-                "apart: work on one of them at a time, or rename one"
-            )
         vessel = Path(self._vessel.value) if self._vessel.value else None
         changed = session.watch is not None and session.watch.differs  # by another program
         if vessel is not None and (vessel != session.vessel_file or changed):

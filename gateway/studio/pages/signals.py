@@ -12,8 +12,8 @@ from bokeh.models import CustomJS, TextInput
 
 from gateway.errors import BadInput
 from gateway.figures import SEVERAL, TIME, Axis, FigureData, Line, Panel, SeriesRole
-from gateway.studio.access import labels
 from gateway.studio.controls import FigurePlace
+from gateway.studio.names import labels
 from gateway.studio.page import (
     Page,
     StudioContext,

@@ -215,7 +215,7 @@ class VesselPage(Page):
         )
         if files:
             self.notify(f"{DOWNLOADED} names its own effects: put a copy of {files} beside it"
-                        f"{made.to_trust(DOWNLOADED)}", good=True)  # fmt: skip
+                        f"{made.to_trust(DOWNLOADED)}")  # fmt: skip
         return StringIO(made.text)
 
 

@@ -1,15 +1,20 @@
 """Files of one name in several folders, dropped or given: none hides another."""
 
 import shutil
+from html import escape
+from pathlib import Path
 
 import pytest
 
 from gateway.errors import BadInput
-from gateway.studio.access import Folders, labels
+from gateway.studio import Scope, TrialView
+from gateway.studio.access import Folders
 from gateway.studio.controls import LearnFrom
+from gateway.studio.names import labels, recording_names
 from gateway.studio.page import Address
 from gateway.studio.pages import recordings, signals
 from gateway.studio.session import Session
+from gateway.studio.tasks import compare_task, report_task
 from tests.conftest import ROOT
 from tests.gateway.studio.pages import context_of, message_of, write_log
 
@@ -57,13 +62,64 @@ def test_recordings_and_vessels_of_one_name_can_all_be_chosen(session):
     assert set(plots._log.options.values()) == {north, south}
 
 
-def test_two_recordings_that_the_pages_could_not_tell_apart_are_not_taken_together(session):
-    page = recordings.RecordingsPage(context_of(session))
-    page._list()
-    page._logs.value = list(page._logs.options.values())
-    page.guarded(page._chosen)()
-    assert message_of(page).startswith("trip: several have this name")
-    assert len(session.logs) == 1
+def test_recordings_are_called_by_what_tells_them_apart():
+    paths = ["/a/log.tlog", "/b/log.tlog", "/b/trip.tlog", "/b/trip.BIN", "/b/alone.csv"]
+    names = ("log.tlog (/a)", "log.tlog (/b)", "trip.tlog", "trip.BIN", "alone")
+    assert recording_names(paths) == dict(zip(paths, names, strict=True))
+
+
+@pytest.fixture
+def voyages(tmp_path):
+    """Two recordings of one name in two folders, of two voyages."""
+    out = []
+    for k in (1, 2):
+        file = tmp_path / f"day{k}" / "log.tlog"
+        file.parent.mkdir()
+        shutil.copy(ROOT / f"recordings/voyage_{k}.tlog", file)
+        out.append(str(file))
+    return out
+
+
+def test_two_recordings_of_one_name_are_two_in_compare_and_a_range_is_of_one(voyages):
+    names = recording_names(voyages)
+    given = [("as given", BOAT.read_text())]
+    scope = Scope(names[voyages[1]], ((40.0, 100.0),))
+    sent: list[object] = []
+    found = compare_task(sent.append, voyages, given, (), None, scope)
+    assert [(one.name, one.log) for one in found.trials] == [(names[log], log) for log in voyages]
+    assert [one.name for one in sent if isinstance(one, TrialView)] == list(names.values())
+    first, second = (one.seconds for one in found.trials)
+    assert first > 250.0
+    assert second == pytest.approx(60.0, abs=1.0)
+
+
+@pytest.mark.slow
+def test_a_report_tells_two_recordings_of_one_name_apart(voyages, tmp_path):
+    file = str(tmp_path / "report.html")
+    report_task(lambda _: None, voyages, [("as given", BOAT.read_text())], (), file, False)
+    text = Path(file).read_text()
+    assert all(escape(name) in text for name in recording_names(voyages).values())
+
+
+def test_a_range_holds_for_the_recording_that_is_learnt_from_and_for_no_other_of_its_name(
+    session, monkeypatch
+):
+    logs = [folder / "trip.tlog" for folder in session.folders.read]
+    names, asked = recording_names([str(log) for log in logs]), []
+    monkeypatch.setattr(session.slow, "start", lambda job, task, *given: asked.append(given[-1]))
+    session.set_logs(logs)
+    session.set_scope(Scope(f"{names[str(logs[1])]} #2", ((0.0, 9.0),)))
+    for log in logs:
+        session.learn_from = (log,)
+        session.diagnose()
+        session.fit()
+    other, marked = asked[::2]
+    assert asked[1::2] == [other, marked]
+    assert marked.recording == "trip #2"
+    assert not other.recording.startswith("trip #")
+    session.learn_from = tuple(logs)
+    with pytest.raises(BadInput, match="trip: several recordings to learn from have this name"):
+        session.diagnose()
 
 
 def test_what_is_learnt_from_is_known_by_its_path(session):
