@@ -59,7 +59,10 @@ def load_effects(path: str | Path) -> tuple[Effect, ...]:
 def load_trusted_effects(path: str | Path) -> tuple[Effect, ...]:
     """Effects of a file that nobody named: BadInput unless it was trusted as it is now."""
     file = Path(path)
-    raw = _raw(file)
+    return _trusted_effects_of(file, _raw(file))
+
+
+def _trusted_effects_of(file: Path, raw: bytes) -> tuple[Effect, ...]:
     if not _is_trusted(raw):
         raise BadInput(
             f"an effect of one's own is a program, and this one was not trusted as it is now: "
@@ -79,14 +82,33 @@ def trust(path: str | Path) -> tuple[Effect, ...]:
 
 
 class EffectFile(NamedTuple):
-    """A file of effects, and whether its user named it, rather than a vessel file."""
+    """A file of effects, and whether its user named it, rather than a vessel file.
+
+    raw     its content as it was taken; None: as it is when it is loaded
+    """
 
     path: str
     named: bool = True
+    raw: bytes | None = None
+
+    @property
+    def content(self) -> bytes:
+        """What it holds; BadInput where it cannot be read."""
+        return _raw(Path(self.path)) if self.raw is None else self.raw
+
+    @property
+    def is_trusted(self) -> bool:
+        """Whether a vessel file that names it may run it."""
+        return _is_trusted(self.content)
+
+    def taken(self) -> "EffectFile":
+        """It with its content of now, which stays whatever becomes of the file."""
+        return self._replace(raw=_raw(Path(self.path)))
 
     def load(self) -> tuple[Effect, ...]:
         """Its effects; BadInput where it may not run."""
-        return load_effects(self.path) if self.named else load_trusted_effects(self.path)
+        load = _effects_of if self.named else _trusted_effects_of
+        return load(Path(self.path), self.content)
 
 
 def effect_file_beside(vessel_file: Path, source: Any) -> Path:

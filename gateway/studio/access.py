@@ -7,10 +7,12 @@ are answered only under the names that the server was given.
 """
 
 import hmac
+import os
 import re
 import secrets
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +28,7 @@ from gateway.vessel_file import read_vessel_file
 FILE_NAME = re.compile(r"[\w][\w .+-]{0,80}\.toml")
 LOG_NAME = re.compile(r"[\w][\w .+()-]{0,120}")
 TABLES = ("[dynamics]", "[hull]")  # by which a vessel file is recognised
+LONGEST_NAME = 245  # bytes: file systems take 255, and while it is written it has a longer one
 LARGEST_VESSEL = 1_000_000  # bytes
 COOKIE = "shadow_studio"
 UNKNOWN_HOST = "The studio does not know itself under this name: start it with --origin HOST:PORT"
@@ -79,18 +82,24 @@ class Folders:
         if not FILE_NAME.fullmatch(name):
             raise BadInput(f"{name!r}: give a plain name that ends in .toml")
         file = self.write / name
-        if file.exists():
+        if _is_taken(file):
             raise BadInput(f"{name} is there already: choose another name")
         return file
 
     def to_add(self, name: str) -> Path:
-        """Where a recording of that name goes; never over another file."""
+        """Where a recording of that name goes; never over another file.
+
+        One that is called as a recording in another folder is numbered: pages name them alike.
+        """
         file = self.write / name
         if not LOG_NAME.fullmatch(name) or file.suffix.lower() not in suffixes():
             raise BadInput(f"{name!r}: no recording: expected {', '.join(sorted(suffixes()))}")
-        if file.exists():
+        if _is_taken(file):
             raise BadInput(f"{name} is there already")
-        return file
+        given = {one.name for one in self.recordings()}
+        numbered = (file.with_name(f"{file.stem}-{k}{file.suffix}") for k in count(2))
+        return next(one for one in chain([file], numbered)
+                    if one.name not in given and not _is_taken(one))  # fmt: skip
 
     def _files(self, wanted: Callable[[Path], bool]) -> list[Path]:
         found: list[Path] = []
@@ -98,6 +107,16 @@ class Folders:
             if folder.is_dir():
                 found += [f for f in sorted(folder.iterdir()) if _plain(f, folder) and wanted(f)]
         return found
+
+
+def _is_taken(file: Path) -> bool:
+    """Whether a file is there; BadInput where none can have that name."""
+    try:
+        if len(os.fsencode(file.name)) <= LONGEST_NAME:
+            return file.exists()
+    except OSError:  # some file systems take less
+        pass
+    raise BadInput(f"{file.name}: too long for the name of a file: give it a shorter one")
 
 
 def _plain(file: Path, folder: Path) -> bool:

@@ -16,6 +16,7 @@ from gateway.errors import BadInput
 from gateway.figures import SEVERAL, VELOCITIES, Axis, FigureData, Line, Panel, SeriesRole
 from gateway.figures.bokeh_draw import BokehFigure, LinkedView
 from gateway.studio import TrialView
+from gateway.studio.names import labels
 from gateway.studio.page import (
     Page,
     bokeh_part,
@@ -80,9 +81,10 @@ class LearnFrom:
 
     def update(self) -> None:
         """After the choice of recordings has changed."""
-        self.part.options = [path.name for path in self._session.logs]
+        named = labels(self._session.logs)
+        self.part.options = {label: str(path) for label, path in named.items()}
         chosen = self._session.learn_from or self._session.logs[:1]
-        self.part.value = [path.name for path in chosen]
+        self.part.value = [str(path) for path in chosen]
 
     def check(self) -> None:
         """BadInput where none is chosen."""
@@ -90,8 +92,8 @@ class LearnFrom:
             raise BadInput("choose at least one recording to learn from")
 
     def _choose(self) -> None:
-        names = set(self.part.value)
-        self._session.learn_from = tuple(p for p in self._session.logs if p.name in names)
+        paths = set(self.part.value)
+        self._session.learn_from = tuple(p for p in self._session.logs if str(p) in paths)
 
 
 class SaveControls:
@@ -117,7 +119,11 @@ class SaveControls:
 
     def _save(self) -> None:
         file = self._session.save(self._name.value.strip())
-        self._page.notify(f"saved: {file}", good=True)
+        made = self._session.to_save(file.parent)
+        names = " and ".join(made.beside)
+        along = f", and its own effects beside it ({names}): they go where it goes" if names else ""
+        trust = made.to_trust(str(file))
+        self._page.notify(f"saved: {file}{along}{trust}", good=not trust)
 
 
 SINCE = Axis("time after that moment", "s")

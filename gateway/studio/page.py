@@ -28,7 +28,9 @@ from gateway.figures.bokeh_draw import LinkedView
 from gateway.figures.html_report import GLOSSARY
 from gateway.studio import Address
 from gateway.studio.live_history import LiveHistory
-from gateway.studio.session import Notice, Session
+from gateway.studio.names import labels
+from gateway.studio.notice import Notice
+from gateway.studio.session import Session
 from gateway.studio.worker import BUG, FleetReader
 from sim.effects.effect import LawError
 
@@ -306,9 +308,10 @@ class Page(ABC):
     def _take_vessel(self) -> None:
         """The vessel file that the address names, unless changes of another would be lost."""
         asked, now = self.address.read("file"), self.session.vessel_file
-        file = next((f for f in self.session.folders.vessels() if f.name == asked), None)
-        if asked is None or (now is not None and now.name == asked):
+        if asked is None or (now is not None and asked in (now.name, self._label(now))):
             return
+        files = labels(self.session.folders.vessels())
+        file = files.get(asked) or next((f for f in files.values() if f.name == asked), None)
         if file is None:
             self.notify(f"this address was made with {asked}, which is not in a folder given")
         elif not self.session.is_saved:
@@ -317,12 +320,17 @@ class Page(ABC):
         else:
             self.session.set_vessel(file)
 
+    def _label(self, file: Path) -> str:
+        """A vessel file's name as the pages show it, with its folder where others have the name."""
+        named = labels(self.session.folders.vessels())
+        return next((label for label, one in named.items() if one == file), file.name)
+
     def _name_vessel(self) -> None:
         """The address names the vessel file that is worked on."""
         file = self.session.vessel_file
         if self._seen_file != file:
             self._seen_file = file
-            self.address.write(file=file.name if file else None)
+            self.address.write(file=self._label(file) if file else None)
 
     def _close_notices(self) -> None:
         self._notice = self.session.notice = None

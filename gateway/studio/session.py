@@ -24,9 +24,12 @@ from gateway.studio import (
     tasks,
 )
 from gateway.studio.access import Folders
+from gateway.studio.names import recording_names, scope_alone
+from gateway.studio.notice import Notice
+from gateway.studio.own_effects import VesselToSave, take_vessel, vessel_to_save, with_effects
 from gateway.studio.signals import SignalReader
-from gateway.studio.version import GIVEN, Version
-from gateway.studio.vessel_watch import VesselWatch, portable
+from gateway.studio.version import GIVEN, Version, with_step
+from gateway.studio.vessel_watch import VesselWatch
 from gateway.studio.worker import CardReader, JobMessage, Worker
 from gateway.user_effects import EffectFile
 from sim.effects.effect import LawError
@@ -34,22 +37,6 @@ from sim.effects.effect import LawError
 NOW = "now"
 VESSEL = "vessel file"  # what a notice is about
 UPDATE_S = 0.05  # between two looks at the workers, however many pages are open
-GOOD_S = 15.0  # good news stay that long; what went wrong stays until it is no longer true
-
-
-@dataclass(frozen=True)
-class Notice:
-    """A line for people: what went wrong, or well, and when it was said (monotonic clock [s])."""
-
-    text: str
-    good: bool
-    since: float
-    about: str = ""
-
-    @property
-    def holds(self) -> bool:
-        """Whether the notice is still to be shown."""
-        return not self.good or time.monotonic() - self.since < GOOD_S
 
 
 @dataclass
@@ -86,14 +73,18 @@ class Session:
     mapping: str | None = None  # of .csv tables; default: the one beside each
     run: str = field(default_factory=lambda: secrets.token_hex(8))  # names this run of the studio
     revision: Counter[str] = field(default_factory=Counter)
-    watch: VesselWatch | None = None  # over the vessel file
+    watch: VesselWatch | None = None  # over the vessel file and its effect files
     _stale: bool = False
     _saved: str = ""  # text of the vessel file that was saved last
     _asked: tuple[Path, ...] = ()
+    _asked_effects: tuple[EffectFile, ...] = ()  # with the laws that are compared
+    _compared_effects: tuple[EffectFile, ...] = ()
     _updated: float = 0.0
     _done: Callable[[Any], None] | None = None
+    _alone: bool = False  # the long work that is under way does not depend on what is chosen
 
     def __post_init__(self) -> None:
+        self._named = self.effect_files  # those that the user named
         try:
             self.layout = load_layout(self.folders.write)
         except BadInput as error:
@@ -106,22 +97,20 @@ class Session:
     def set_vessel(self, path: Path) -> None:
         """Begin with a vessel file."""
         file = self.folders.checked(path)
-        text, effect_files = portable(file)
-        named = {Path(one.path).resolve() for one in self.effect_files if one.named}
-        more = [one for one in effect_files if Path(one.path).resolve() not in named]
-        every = tuple(dict.fromkeys((*self.effect_files, *more)))
-        tasks.vessel_of(text, tasks.effects_in(every))  # raises where it has a mistake
+        taken = take_vessel(file, self._named)
+        every = with_effects(self.effect_files, taken.effects)
+        tasks.vessel_of(taken.text, tasks.effects_in(every))  # raises where it has a mistake
         self.effect_files = every
-        self.slow.cancel()  # an answer about another vessel is no longer wanted
-        self.vessel_file, self.versions, self.undone = file, [Version(text)], []
-        self.watch = VesselWatch(file, text)
+        self._end_work("another vessel file was taken")
+        self.vessel_file, self.versions, self.undone = file, [Version(taken.text)], []
+        self.watch = VesselWatch(file, taken, self._named)
         self.diagnosis = None
         self._changed("vessel", "diagnosis")
 
     def set_logs(self, paths: Sequence[Path]) -> None:
         """Work on these recordings."""
         self.logs = tuple(self.folders.checked(path) for path in paths)
-        self.slow.cancel()
+        self._end_work("other recordings were chosen")
         self.learn_from = tuple(p for p in self.learn_from if p in self.logs)
         self.trials, self.compared, self.refused, self.diagnosis = (), (), {}, None
         self.scope = WHOLE
@@ -131,7 +120,7 @@ class Session:
         """Compare, diagnose and fit on some of the time alone, or without it."""
         if scope != self.scope:
             self.scope = scope
-            self.slow.cancel()  # an answer about other time is no longer wanted
+            self._end_work("other stretches of time were chosen")
             self.diagnosis = None
             self._changed("scope", "diagnosis")
 
@@ -166,8 +155,10 @@ class Session:
     @property
     def is_current(self) -> bool:
         """Whether what was compared is the vessel as it is now."""
-        compared = self.compared, self.compared_scope
-        return bool(self.trials) and compared == (tuple(self.vessels()), self.scope)
+        compared = self.compared, self.compared_scope, self._compared_effects
+        return bool(self.trials) and compared == (
+            tuple(self.vessels()), self.scope, self.effect_files
+        )  # fmt: skip
 
     def slide(self, text: str, change: str) -> None:
         """A number changes by a slider: one step back undoes the whole slide."""
@@ -197,20 +188,22 @@ class Session:
     def climb(self, step: LadderView) -> None:
         """Add what a step adds, or put it in the place of another: its vessel, and its bar."""
         assert self.diagnosis is not None
-        before = self.diagnosis.before
-        bars = [s.bar for s in self.diagnosis.up_to(step)]
-        earlier = [v.ladder for v in self.versions if v.effects == before]
-        ladder = (*earlier[0], *bars[1:]) if before and earlier else tuple(bars)
-        name = step.effects[-1].replace("_", " ") if step.effects else "re-fitted base"
-        self._next(Version(step.text, (*before, *step.effects), ladder, f"+ {name}"))
+        self._next(with_step(self.versions, self.diagnosis, step))
+
+    def to_save(self, folder: Path | None = None) -> VesselToSave:
+        """The vessel as it leaves the studio; BadInput where there is none yet."""
+        if self.version is None:
+            raise BadInput("there is no vessel to save yet: choose one under Recordings")
+        return vessel_to_save(self.version.text, self.effect_files, folder)
 
     def save(self, name: str) -> Path:
-        """The vessel as a file in the folder of results."""
-        if self.version is None:
-            raise BadInput("there is no vessel to save yet")
+        """The vessel as a file in the folder of results, and beside it its own effects' files."""
         file = self.folders.to_save(name)
-        write_whole(file, self.version.text.encode(), "the vessel file")
-        self._saved = self.version.text
+        text, beside = self.to_save(file.parent)
+        for one, effect_file in beside.items():
+            write_whole(file.with_name(one), effect_file.content, "the effect")
+        write_whole(file, text.encode(), "the vessel file")
+        self._saved = self.versions[-1].text
         self._changed("files")
         return file
 
@@ -226,45 +219,64 @@ class Session:
     # work
 
     def start(
-        self, job: str, task: Callable[..., Any], *arguments: Any, done: Callable[[Any], None]
-    ) -> None:
+        self, job: str, task: Callable[..., Any], *arguments: Any, done: Callable[[Any], None],
+        alone: bool = False,
+    ) -> None:  # fmt: skip
         """Begin `task(send, *arguments)` in a process of its own; `done` takes its result.
 
+        `alone`: the answer does not depend on what is chosen, and other choices do not end it.
         RuntimeError while another job of this kind is under way.
         """
         self.slow.start(job, task, *arguments)
-        self._done = done
+        self._done, self._alone = done, alone
         self._settled(job)
 
-    def diagnose(self) -> None:
-        """Look for what the vessel lacks, from the recordings chosen for that."""
+    @property
+    def _has_work(self) -> bool:
+        """Whether something long is under way whose answer is about what is chosen now."""
+        return self.slow.busy and not self._alone
+
+    def _end_work(self, why: str) -> None:
+        """End work whose answer would be about something else; all pages say so."""
+        if self._has_work:
+            job = str(self.slow.job)
+            self.notify(f"{job} was ended, for {why}: start it again where it is still wanted",
+                        about=job)  # fmt: skip
+        if not (self.slow.busy and self._alone):
+            self.slow.cancel()
+
+    def _to_learn(self) -> tuple[list[str], Version, Scope]:
+        """Recordings to learn from, the vessel that is to learn, the time that is taken."""
         if self.version is None or not self.logs:
             raise BadInput("choose a recording and a vessel file first")
         logs = [str(path) for path in self.learn_from or self.logs[:1]]
-        before = self.version.effects
+        names = recording_names([str(path) for path in self.logs])
+        return logs, self.version, scope_alone(self.scope, names, logs)
+
+    def diagnose(self) -> None:
+        """Look for what the vessel lacks, from the recordings chosen for that."""
+        logs, now, scope = self._to_learn()
 
         def done(diagnosis: DiagnosisView) -> None:
-            self.diagnosis = replace(diagnosis, before=before)
+            self.diagnosis = replace(diagnosis, before=now.effects)
             self._changed("diagnosis")
 
-        self.start("diagnose", tasks.diagnose_task, logs, self.version.text, self.effect_files,
-                   self.mapping, self.scope, done=done)  # fmt: skip
+        self.start("diagnose", tasks.diagnose_task, logs, now.text, self.effect_files,
+                   self.mapping, scope, done=done)  # fmt: skip
         self.diagnosis = None
         self._changed("diagnosis")
 
     def fit(self) -> None:
         """Fit the base numbers of the vessel to the recordings chosen to learn from."""
-        if self.version is None or not self.logs:
-            raise BadInput("choose a recording and a vessel file first")
-        logs, now = self.learn_from or self.logs[:1], self.version
-        names = ", ".join(path.name for path in logs)
+        logs, now, scope = self._to_learn()
+        names = ", ".join(Path(path).name for path in logs)
         part = f", {self.scope.text}" if self.scope.text else ""
 
         def done(text: str) -> None:
             self._next(Version(text, now.effects, now.ladder, f"fitted to {names}{part}"))
 
-        self.start("fit", tasks.fit_task, [str(path) for path in logs], now.text,
-                   self.effect_files, self.mapping, self.scope, done=done)  # fmt: skip
+        self.start("fit", tasks.fit_task, logs, now.text, self.effect_files, self.mapping, scope,
+                   done=done)  # fmt: skip
 
     def write_report(self) -> None:
         """Write an HTML report of the comparison and of the diagnosis if there is one."""
@@ -277,7 +289,7 @@ class Session:
         log = str(self.folders.checked(path))
         self.start(f"report from {path.name} alone", tasks.log_report_task, log,
                    self._report_file(), self.effect_files, self.mapping,
-                   done=self._reported)  # fmt: skip
+                   done=self._reported, alone=True)  # fmt: skip
 
     def _report_file(self) -> str:
         return str(self.folders.write / time.strftime("report-%Y%m%d-%H%M%S.html"))
@@ -292,6 +304,8 @@ class Session:
         file = self.folders.to_add(name)
         write_whole(file, content, "the recording")
         self.reader.want([file])
+        if file in self.logs:  # it takes the place of one that was removed
+            self.set_logs(self.logs)
         self._changed("files")
         return file
 
@@ -320,13 +334,13 @@ class Session:
         if self.signals.update():
             self._changed("signals")
         if self._stale and not self.quick.busy and self.logs and self.versions:
-            self._stale, self._asked = False, self.logs
+            self._stale, self._asked, self._asked_effects = False, self.logs, self.effect_files
             vessels = tuple(self.vessels())
             self.quick.start("compare", tasks.compare_task, [str(p) for p in self.logs], vessels,
                              self.effect_files, self.mapping, self.scope)  # fmt: skip
 
     def _look_at_the_vessel(self) -> None:
-        """Take the vessel file anew where it was changed; only say so where work would be lost."""
+        """Take the vessel's files anew where one was changed; if work would be lost only say so."""
         news = None if self.watch is None else self.watch.news()
         if self.watch is None or news is None:
             return
@@ -335,9 +349,12 @@ class Session:
         stays = f"{news.says}: the studio goes on with it as it was"
         if not news.usable:
             self.notify(stays, about=VESSEL)
-        elif self.slow.busy or self.diagnosis is not None or len(self.versions) > 1:
-            self.notify(f"{stays}; choose it again under Recordings to take it", about=VESSEL)
-        elif self.watch.differs:
+        elif not self.watch.differs:
+            return
+        elif self._has_work or self.diagnosis is not None or len(self.versions) > 1:
+            self.notify(f"{stays}; choose the vessel again under Recordings to take it",
+                        about=VESSEL)  # fmt: skip
+        else:
             try:
                 self.set_vessel(self.watch.file)
                 self.notify(f"{news.says}: read again", good=True, about=VESSEL)
@@ -367,6 +384,7 @@ class Session:
         elif message.kind == "done":
             self.trials, self.refused = message.value.trials, message.value.refused
             self.compared, self.compared_scope = message.value.vessels, message.value.scope
+            self._compared_effects = self._asked_effects
             self._settled(message.job)
             self._changed("trials")
         elif message.kind == "failed":

@@ -20,10 +20,11 @@ import numpy as np
 
 from gateway.errors import BadInput, ShadowError
 from gateway.figures import DEGREES
+from gateway.files import stamp_of
 from gateway.ingest.log import Boat, Log, Table, choose_boat
 from gateway.ingest.log_events import on_boat_clock
 from gateway.ingest.open import open_log
-from gateway.studio.worker import Send, Worker, changed_ns
+from gateway.studio.worker import Send, Worker, file_stamp
 from sim.state import Floats
 
 LONGEST, DEEPEST = 300, 8  # letters of an expression; derived signals of derived signals
@@ -230,7 +231,7 @@ def _fields(table: Table) -> list[str]:
 
 
 @lru_cache(maxsize=2)
-def _opened(path: str, stamp: int, mapping: str | None) -> Recording:
+def _opened(path: str, stamp: tuple[int, ...], mapping: str | None) -> Recording:
     log = open_log(path, mapping)
     return Recording(log, choose_boat(log))
 
@@ -238,7 +239,7 @@ def _opened(path: str, stamp: int, mapping: str | None) -> Recording:
 def signals_task(send: Send, request: SignalRequest) -> SignalsView:
     """Read what is wanted; what cannot be read says why, and leaves the others as they are."""
     send(f"reading {Path(request.path).name}")
-    found = _opened(request.path, changed_ns(request.path), request.mapping)
+    found = _opened(request.path, file_stamp(request.path), request.mapping)
     signals: dict[str, Signal] = {}
     refused: dict[str, str] = {}
     for name in request.names:
@@ -258,6 +259,13 @@ class SignalReader:
     refused: dict[SignalRequest, str] = field(default_factory=dict)
     _wanted: SignalRequest | None = None
     _reading: SignalRequest | None = None
+    _stamps: dict[str, list[int] | None] = field(default_factory=dict)  # of files, as they are read
+
+    def forget_changed(self) -> None:
+        """What was read of a file that has changed since is read again when it is asked for."""
+        old = {path for path, stamp in self._stamps.items() if stamp_of(Path(path)) != stamp}
+        self.answers = {k: v for k, v in self.answers.items() if k.path not in old}
+        self.refused = {k: v for k, v in self.refused.items() if k.path not in old}
 
     def ask(self, request: SignalRequest) -> None:
         """Read this next, unless it was read already."""
@@ -276,5 +284,6 @@ class SignalReader:
                 self._reading, news = None, True
         if self._wanted is not None and not self.worker.busy:
             self._reading, self._wanted = self._wanted, None
+            self._stamps[self._reading.path] = stamp_of(Path(self._reading.path))
             self.worker.start("signals", signals_task, self._reading)
         return news

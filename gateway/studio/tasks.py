@@ -50,7 +50,8 @@ from gateway.studio import (
     TrialView,
     VesselView,
 )
-from gateway.studio.worker import Send, changed_ns
+from gateway.studio.names import recording_names, with_name
+from gateway.studio.worker import Send, file_stamp
 from gateway.user_effects import EffectFile, known_effects
 from gateway.vessel_file import load_vessel
 from sim.comparison import Bin, Regime, bin_of, regimes_of
@@ -73,7 +74,7 @@ MOST_KEPT = 12  # recordings, of each process
 ROUGH = "{}: a first look, two points a second; it is being read whole"
 
 _last: dict[str, DiagnosisResult] = {}  # of this process, for the report
-_kept: dict[tuple[str, int, str | None], Read] = {}  # of this process
+_kept: dict[tuple[str, tuple[int, ...], str | None], Read] = {}  # of this process
 
 
 def trials_in(path: str, mapping: str | None = None) -> tuple[Trial, ...]:
@@ -85,7 +86,7 @@ def _read(
     path: str, mapping: str | None, first_look: Callable[[Read], None] = lambda _: None
 ) -> Read:
     """The trials of a recording; of a long one `first_look` gets a rough reading before."""
-    key = path, changed_ns(path), mapping
+    key = path, file_stamp(path), mapping
     if key not in _kept:
         log = open_log(path, mapping)
         known = happenings(log, choose_floating(log))
@@ -138,10 +139,10 @@ def compare_task(
 
     out: list[TrialView] = []
     refused: dict[str, str] = {}
-    for path in paths:
+    for path, name in recording_names(paths).items():
         send(f"reading {Path(path).name}")
         try:
-            found = _compared(send, path, models, mapping, scope)
+            found = _compared(send, path, name, models, mapping, scope)
         except ShadowError as error:
             refused[path] = " ".join(str(error).split())
             continue
@@ -157,20 +158,21 @@ def compare_task(
 def _compared(
     send: Send,
     path: str,
+    name: str,
     models: Callable[[], tuple[Model, ...]],
     mapping: str | None,
     scope: Scope,
 ) -> list[TrialView]:
-    """The trials of one recording."""
+    """The trials of one recording, under the name that it has here."""
     out: list[TrialView] = []
 
     def first_look(rough: Read) -> None:
-        for trial in rough[0]:
+        for trial in (with_name(one, path, name) for one in rough[0]):
             view = measured_view(trial, path, rough[1])
             send(replace(view, rough=True, notices=(ROUGH.format(trial.name),)))
 
     trials, known = _read(path, mapping, first_look)
-    for trial in trials:
+    for trial in (with_name(one, path, name) for one in trials):
         measured = measured_view(trial, path, known)
         send(measured)
         found = compare_models(scope.of(trial), models(), None, send)
@@ -360,7 +362,8 @@ def report_task(
     read = [(label, vessel_of(text, effects)) for label, text in vessels]
     chosen = [replace(vessel, name=f"{vessel.name}, {label}") for label, vessel in read]
     models = [Model.of(vessel) for vessel in chosen]
-    found = [one for path in paths for trial in trials_in(path, mapping)
+    found = [one for path, name in recording_names(paths).items()
+             for read in trials_in(path, mapping) for trial in [with_name(read, path, name)]
              for one in compare_models(trial, models, None, send)]  # fmt: skip
     send("pictures")
     page = report_of(found, chosen, _last["diagnosis"] if diagnosed else None, read[0][1].name)

@@ -1,11 +1,13 @@
-"""The vessel that is worked on, at one moment, and the next one with numbers set by hand."""
+"""The vessel that is worked on, at one moment, and the next one: by hand, or by a diagnosis."""
 
 import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import tomli_w
 
 from gateway.figures.diagnosis import LadderBar
+from gateway.studio import DiagnosisView, LadderView
 
 GIVEN = "as given"
 
@@ -18,6 +20,16 @@ class Version:
     effects: tuple[str, ...] = ()
     ladder: tuple[LadderBar, ...] = ()
     change: str = GIVEN
+
+
+def with_step(versions: Sequence[Version], diagnosis: DiagnosisView, step: LadderView) -> Version:
+    """The vessel of a step of a diagnosis; its ladder goes on from that of the vessel diagnosed."""
+    before = diagnosis.before
+    bars = [one.bar for one in diagnosis.up_to(step)]
+    earlier = [one.ladder for one in versions if one.effects == before]
+    ladder = (*earlier[0], *bars[1:]) if before and earlier else tuple(bars)
+    name = step.effects[-1].replace("_", " ") if step.effects else "re-fitted base"
+    return Version(step.text, (*before, *step.effects), ladder, f"+ {name}")
 
 
 def with_values(version: Version, values: dict[str, float]) -> str:

@@ -24,6 +24,7 @@ import numpy as np
 
 from gateway.errors import BadInput, ShadowError
 from gateway.figures import FigureData
+from gateway.files import stamp_of
 from gateway.ingest.mapping import moment_of
 from gateway.ingest.open import open_log
 from gateway.ingest.survey import Survey, survey
@@ -156,12 +157,12 @@ def outcome(task: Callable[..., Any], arguments: Any, send: Send) -> tuple[str, 
         return "failed", f"{BUG} ({type(error).__name__})"
 
 
-def changed_ns(path: str) -> int:
-    """When a file that was given was changed last [ns]; BadInput where it is gone since."""
-    try:
-        return Path(path).stat().st_mtime_ns
-    except OSError:
-        raise BadInput(f"{Path(path).name} is no longer there ({path})") from None
+def file_stamp(path: str) -> tuple[int, ...]:
+    """Size and time of the last change of a file that was given; BadInput where it is gone."""
+    stamp = stamp_of(Path(path))
+    if stamp is None:
+        raise BadInput(f"{Path(path).name} is no longer there ({path})")
+    return tuple(stamp)
 
 
 POINTS = 200  # of a small track
@@ -200,18 +201,27 @@ def card_task(send: Send, path: str, mapping: str | None = None) -> CardView:
 
 @dataclass
 class CardReader:
-    """A worker of its own and the cards it has read; `refused`: path -> why there is none."""
+    """A worker of its own and the cards it has read; `refused`: path -> why there is none.
+
+    A file that takes the place of one that was read, or has grown, is read anew.
+    """
 
     worker: Worker = field(default_factory=Worker)
     cards: dict[str, CardView] = field(default_factory=dict)
     refused: dict[str, str] = field(default_factory=dict)
     _wanted: list[str] = field(default_factory=list)
     _reading: str = ""
+    _stamps: dict[str, list[int] | None] = field(default_factory=dict)  # of files, as they are read
 
     def want(self, paths: Sequence[Path]) -> None:
-        """Read those that were not read yet, in this order."""
-        known = {*self.cards, *self.refused, *self._wanted, self._reading}
-        self._wanted += [str(path) for path in paths if str(path) not in known]
+        """Read those that were not read yet as they are now, in this order."""
+        for path in paths:
+            name = str(path)
+            is_read = name in self._stamps and self._stamps[name] == stamp_of(path)
+            if not is_read and name not in self._wanted:
+                self.cards.pop(name, None)
+                self.refused.pop(name, None)
+                self._wanted.append(name)
 
     def is_waiting(self, path: str) -> bool:
         """Whether a recording will be read, or is being read."""
@@ -229,18 +239,19 @@ class CardReader:
                 self._reading, news = "", True
         if self._wanted and not self.worker.busy:
             self._reading = self._wanted.pop(0)
+            self._stamps[self._reading] = stamp_of(Path(self._reading))
             self.worker.start("look", card_task, self._reading, mapping)
             news = True
         return news
 
 
-def card_text(path: Path, reader: CardReader) -> str:
-    """A recording in words with its track, or why there is none, as HTML."""
-    name = f"<h3>{escape(path.name)}</h3>"
-    view = reader.cards.get(str(path))
+def card_text(path: str, label: str, reader: CardReader) -> str:
+    """A recording in words with its track, or why there is none, as HTML; `label`: its name."""
+    name = f"<h3>{escape(label)}</h3>"
+    view = reader.cards.get(path)
     if view is None:
-        why = reader.refused.get(str(path))
-        waiting = "<p class='faint'>being read …</p>" if reader.is_waiting(str(path)) else ""
+        why = reader.refused.get(path)
+        waiting = "<p class='faint'>being read …</p>" if reader.is_waiting(path) else ""
         return name + (f"<p class='warn'>{escape(why)}</p>" if why else waiting)
     found = view.survey
     boats = "; ".join(escape(f"{b.boat} {b.firmware}".strip()) for b in found.boats) or "no boat"

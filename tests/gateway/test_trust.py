@@ -62,9 +62,17 @@ def test_the_studio_does_not_run_it_when_it_is_picked(stranger: Path) -> None:
         session.set_vessel(stranger / "boat.toml")
         (file,) = session.effect_files
         assert [effect.name for effect in effects_in([file])] == ["line_drag"]
+        (stranger / "ran").unlink()
         (stranger / "line.py").write_text(PROGRAM + "# edited while the studio is open\n")
+        assert effects_in([file])[0].name == "line_drag", "as it was when it was trusted"
         with pytest.raises(BadInput, match=REFUSAL):
-            effects_in([file])
+            session.set_vessel(stranger / "boat.toml")
+        assert session.watch is not None
+        session.watch._looked = 0.0
+        news = session.watch.news()
+        assert news is not None
+        assert not news.usable
+        assert not (stranger / "ran").exists()
     finally:
         session.close()
 

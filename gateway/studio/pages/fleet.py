@@ -10,6 +10,7 @@ import panel as pn
 
 from gateway.errors import BadInput
 from gateway.studio.controls import FigurePlace
+from gateway.studio.names import labels
 from gateway.studio.page import (
     STYLE,
     Page,
@@ -134,7 +135,7 @@ class FleetPage(Page):
         )  # fmt: skip
         self._table.value = _frame(self._shown)
         self._table.height = HEAD_PX + ROW_PX * min(max(len(self._shown), 1), ROWS_SHOWN)
-        names = (Path(row["recording"]).name for row in self._shown)
+        names = labels([Path(row["recording"]) for row in self._shown])
         self._which.options = {name: k for k, name in enumerate(names)}
 
     def _draw_course(self) -> None:

@@ -9,6 +9,8 @@ import panel as pn
 
 from gateway.errors import BadInput, ShadowError
 from gateway.studio.controls import report_download
+from gateway.studio.names import labels
+from gateway.studio.notice import Notice
 from gateway.studio.page import (
     NO_BUTTON,
     STYLE,
@@ -22,7 +24,6 @@ from gateway.studio.page import (
     select,
     stack,
 )
-from gateway.studio.session import Notice
 from gateway.studio.worker import card_text
 
 GRID = {"display": "grid", "grid-template-columns": "repeat(auto-fill, minmax(280px, 1fr))",
@@ -56,6 +57,7 @@ class RecordingsPage(Page):
         self._get = report_download(self)
         self._shown: str | None = None  # the session's vessel file when it was looked at last
         self._leave = ""  # the vessel file for which unsaved changes are to be left behind
+        self._names: dict[str, str] = {}  # path of each recording -> how it is called here
         self._details: dict[str, Any] = {}
         self._taken: dict[str, bytes | str] = {}  # what was dropped on this page, by name
         self._came, self._refused = dict[str, str](), dict[str, str]()  # of it, as its message says
@@ -78,6 +80,7 @@ class RecordingsPage(Page):
         """Files, what is chosen, what was found in them."""
         return {
             ("files", "logs", "vessel"): self._list,
+            ("files",): self._read,
             ("surveys",): self._show_surveys,
             ("report",): self._show_report,
             ("files", "trials", "logs"): self._show_problems,
@@ -86,31 +89,38 @@ class RecordingsPage(Page):
     def _list(self) -> None:
         session = self.session
         files = session.folders.recordings()
-        self._logs.options = {file.name: str(file) for file in files}
+        named = {label: str(file) for label, file in labels(files).items()}
+        self._logs.options = named
         chosen = {path.resolve() for path in session.logs}
         self._logs.value = [str(file) for file in files if file.resolve() in chosen]
         refused = session.folders.refused_vessels()
         offered = [file for file in session.folders.vessels() if file not in refused]
-        vessels = {file.name: str(file) for file in offered}
+        vessels = {label: str(file) for label, file in labels(offered).items()}
         now = str(session.vessel_file) if session.vessel_file else None
         if self._vessel.options != vessels:
             self._vessel.options = vessels
         if now != self._shown and now in vessels.values():
             self._vessel.value, self._shown = now, now
-        if set(self._details) != {str(file) for file in files}:
-            self._details = {str(file): html() for file in files}
+        if self._names != {path: label for label, path in named.items()}:
+            self._names = {path: label for label, path in named.items()}
+            self._details = {path: html() for path in self._names}
             self._rows.objects = [self._row(file) for file in files]
-            session.reader.want(files)
             self._show_surveys()
+
+    def _read(self) -> None:
+        """Ask for the cards of recordings that are new, or were changed."""
+        self.session.reader.want(self.session.folders.recordings())
+        self._show_surveys()
 
     def _row(self, file: Path) -> Any:
         alone = self.guarded(partial(self.session.report_from_log, file))
-        press = button(f"Report from {file.name} alone", alone, sizing_mode="stretch_width")
+        text = f"Report from {self._names[str(file)]} alone"
+        press = button(text, alone, sizing_mode="stretch_width")
         return card(self._details[str(file)], press)
 
     def _show_surveys(self) -> None:
         for path, place in self._details.items():
-            text = card_text(Path(path), self.session.reader)
+            text = card_text(path, self._names[path], self.session.reader)
             if place.object != text:
                 place.object = text
 
@@ -135,7 +145,9 @@ class RecordingsPage(Page):
             raw = content.encode() if isinstance(content, str) else content
             refused.pop(name, None)  # it may be another file this time
             try:
-                came[name] = self.session.add_recording(name, raw).name
+                file = self.session.add_recording(name, raw)
+                renamed = f"{file.name} ({name} as it was dropped: a folder given has one)"
+                came[name] = name if file.name == name else renamed
             except ShadowError as error:
                 refused[name] = str(error)
         are, it, one = ("is", "it", "it") if len(came) == 1 else ("are", "them", "one")

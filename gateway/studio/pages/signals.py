@@ -13,6 +13,7 @@ from bokeh.models import CustomJS, TextInput
 from gateway.errors import BadInput
 from gateway.figures import SEVERAL, TIME, Axis, FigureData, Line, Panel, SeriesRole
 from gateway.studio.controls import FigurePlace
+from gateway.studio.names import labels
 from gateway.studio.page import (
     Page,
     StudioContext,
@@ -92,7 +93,7 @@ class SignalsPage(Page):
 
     def _list(self) -> None:
         files = self.session.folders.recordings()
-        options = {file.name: str(file) for file in files}
+        options = {label: str(file) for label, file in labels(files).items()}
         asked = options.get(self.address.read("log") or "")
         first = asked or next((str(p.resolve()) for p in self.session.logs), None)
         self._quiet = True
@@ -100,11 +101,13 @@ class SignalsPage(Page):
         if first in options.values():
             self._log.value = first
         self._quiet = False
+        self.session.signals.forget_changed()
         self._show()
 
     def _choose_log(self) -> None:
         if not self._quiet:
-            self.address.write(log=Path(self._log.value).name if self._log.value else None)
+            named = {path: label for label, path in self._log.options.items()}
+            self.address.write(log=named.get(self._log.value))
             self.caught(self._show)
 
     def _filter(self) -> None:

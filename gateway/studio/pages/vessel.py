@@ -5,6 +5,7 @@ import tomllib
 from functools import partial
 from html import escape
 from io import StringIO
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import panel as pn
@@ -47,6 +48,7 @@ BASE = {  # unit and meaning of the plain numbers
     "N_r": ("N m s", "drag of turning"),
     "N_rr": ("N m s²", "drag of turning, squared"),
 }
+DOWNLOADED = "vessel.toml"
 
 
 class Number(NamedTuple):
@@ -75,7 +77,7 @@ class VesselPage(Page):
         self._scope, self._learn = ScopeLine(self.session), LearnFrom(self)
         self._fit = button("Fit the base numbers", self.guarded(self._start_fit), width=200)
         self._velocities = FigurePlace(self.view, min_height=540)
-        export = download("Download", "vessel.toml", self._file, width=120)
+        export = download("Download", DOWNLOADED, self._file, width=120)
         self._save = SaveControls(self, "Save as", "changed", export, widths=(220, 180),
                                   kind="primary")  # fmt: skip
 
@@ -122,7 +124,8 @@ class VesselPage(Page):
         )
         self._done.object = history_text(self.session)
         self._text.object = (
-            f"<details><summary>The file</summary><pre>{escape(version.text)}</pre></details>"
+            f"<details><summary>The file</summary><pre>{escape(self.session.to_save().text)}</pre>"
+            "</details>"
         )
         self._save.update()
         self._move_sliders(tables)
@@ -202,7 +205,18 @@ class VesselPage(Page):
             self._velocities.show(with_earlier_model(given["velocities"], now["velocities"]))
 
     def _file(self) -> StringIO:
-        return StringIO(self.session.version.text if self.session.version else "")
+        """The vessel file, and on the page what has to be put beside it."""
+        if self.session.version is None:
+            return StringIO()
+        made = self.session.to_save()
+        files = " and ".join(
+            f"{Path(one.path).resolve()}{'' if Path(one.path).name == name else f' as {name}'}"
+            for name, one in made.beside.items()
+        )
+        if files:
+            self.notify(f"{DOWNLOADED} names its own effects: put a copy of {files} beside it"
+                        f"{made.to_trust(DOWNLOADED)}")  # fmt: skip
+        return StringIO(made.text)
 
 
 def history_text(session: Session) -> str:

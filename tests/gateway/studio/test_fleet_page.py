@@ -1,6 +1,7 @@
 """The page Fleet: the table of many recordings, courses of numbers, a row that opens in Compare."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -61,6 +62,14 @@ def test_the_table_is_shown_with_courses_what_has_changed_first(folder, tmp_path
     assert list(page._table.value.recording) == ["torn.tlog"]
     page._number.value = "heron: X_u"
     assert "no change is clear" in page._course.part[-1].object
+
+
+def test_rows_of_one_name_can_each_be_chosen(folder, tmp_path):
+    page, view = page_on(folder, tmp_path), fleet_task(lambda _: None, str(folder))
+    rows = tuple({**view.rows[0], "recording": f"/{name}/log.tlog"} for name in ("a", "b"))
+    page.context.fleet.view = replace(view, rows=rows)
+    page._filter()
+    assert page._which.options == {"log.tlog (/a)": 0, "log.tlog (/b)": 1}
 
 
 def test_a_row_is_worked_on_with_its_vessel_and_one_that_is_gone_says_so(folder, tmp_path):

@@ -1,9 +1,9 @@
 """Ranges, the layout, what was undone, cards and courses: what people keep and come back to."""
 
 import shutil
+import time
 import tomllib
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ from gateway.offline.trials import load_trials
 from gateway.studio import LAYOUT_FILE, Scope
 from gateway.studio.access import Folders
 from gateway.studio.controls import WAY, course_of, moments
-from gateway.studio.pages import recordings, vessel
+from gateway.studio.pages import recordings, signals, vessel
 from gateway.studio.session import Session
 from gateway.studio.tasks import compare_task
 from gateway.studio.version import with_values
@@ -137,12 +137,58 @@ def test_recordings_are_laid_over_one_another_at_a_moment_or_along_the_way(compa
 def test_a_card_says_when_where_and_how_much():
     view = card_task(lambda _: None, str(LOG))
     reader = CardReader(cards={str(LOG): view}, refused={"/no.tlog": "no.tlog is a text file"})
-    text = card_text(LOG, reader)
+    text = card_text(str(LOG), LOG.name, reader)
     assert f"<strong>{view.usable_s / 60.0:.0f} min usable</strong>" in text
     assert view.usable_s == pytest.approx(300.0, abs=5.0)
     assert "<polyline" in text
-    assert "is a text file" in card_text(Path("/no.tlog"), reader)
-    assert "usable" not in card_text(Path("/other.tlog"), reader)
+    assert "is a text file" in card_text("/no.tlog", "no.tlog", reader)
+    assert "usable" not in card_text("/other.tlog", "other.tlog", reader)
+
+
+def read_all(reader):
+    """The reader after it has read all that is wanted."""
+    end = time.monotonic() + 60.0
+    while (reader.update(None) or reader.worker.busy) and time.monotonic() < end:
+        time.sleep(0.02)
+    return reader
+
+
+def test_a_recording_that_takes_the_place_of_another_has_its_own_card(tmp_path):
+    file, reader = tmp_path / "trip.tlog", CardReader()
+    with reader.worker:
+        for content, says in ((b"no log", "is a text file"), (b"", "is empty")):
+            file.write_bytes(content)
+            reader.want([file])
+            assert "being read" in card_text(str(file), file.name, reader)
+            assert says in card_text(str(file), file.name, read_all(reader))
+            reader.want([file])
+            assert not reader.is_waiting(str(file)), "nothing has changed"
+        reader.update(None)
+        reader.want([file])
+        file.write_bytes(b"no log")
+        reader.want([file])  # while it is being read, or before
+        assert "is a text file" in card_text(str(file), file.name, read_all(reader))
+
+
+def test_a_dropped_recording_in_the_place_of_one_that_was_worked_on_is_read_afresh(session):
+    page, plots = (made(context_of(session)) for made in (recordings.RecordingsPage,
+                                                          signals.SignalsPage))  # fmt: skip
+    file = session.add_recording("trip.tlog", b"one")
+    session.set_logs([file])
+    session.trials = ("of the file before",)
+    plots._list()
+    request = plots._request()
+    session.signals.update()
+    session.signals.worker.cancel()
+    session.signals._reading, session.signals.refused = None, {request: "of the file before"}
+    plots._list()
+    assert request in session.signals.refused
+    file.unlink()
+    page._dropped({"trip.tlog": b"another"})
+    assert session.logs == (file,)
+    assert session.trials == ()
+    plots._list()
+    assert request not in session.signals.refused
 
 
 def test_a_dropped_recording_goes_nowhere_else_and_over_nothing(session):

@@ -21,9 +21,10 @@ from gateway.studio import (
 from gateway.studio.access import Folders
 from gateway.studio.live_chart import Chart
 from gateway.studio.live_history import LiveHistory, WatchedBoat
+from gateway.studio.notice import GOOD_S
 from gateway.studio.page import Page
 from gateway.studio.pages import compare, diagnose, live, recordings, vessel
-from gateway.studio.session import GOOD_S, NOW, Session
+from gateway.studio.session import NOW, Session
 from gateway.studio.time_marks import range_text
 from gateway.studio.version import with_values
 from gateway.studio.worker import JobMessage

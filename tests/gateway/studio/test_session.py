@@ -2,6 +2,7 @@
 
 import shutil
 import tomllib
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -11,7 +12,7 @@ import pytest
 
 from gateway.errors import BadInput
 from gateway.figures.diagnosis import LadderBar
-from gateway.studio import AlternativeView, DiagnosisView, LadderView, TrialView, tasks
+from gateway.studio import AlternativeView, DiagnosisView, LadderView, Scope, TrialView, tasks
 from gateway.studio.access import Folders
 from gateway.studio.session import Session
 from gateway.studio.signals import SignalRequest, signals_task
@@ -119,6 +120,48 @@ def test_what_cannot_begin_yet_loses_no_answer(session):
     assert session.report == "report.html"
 
 
+def changes_of(session) -> dict[str, Callable[[], None]]:
+    """What another page may do while something long is under way."""
+    folder = session.folders.read[0]
+    return {
+        "another vessel file": lambda: session.set_vessel(folder / BOAT.name),
+        "other recordings": lambda: session.set_logs([folder / "a.tlog"]),
+        "other stretches of time": lambda: session.set_scope(Scope("a", ((0.0, 9.0),))),
+    }
+
+
+@pytest.mark.parametrize("what", ["another vessel file", "other recordings",
+                                  "other stretches of time"])  # fmt: skip
+def test_long_work_that_another_page_ends_is_said_to_have_ended_until_it_begins_again(
+    session, what, monkeypatch
+):
+    session.slow.job = "diagnose"
+    changes_of(session)[what]()
+    assert not session.slow.busy
+    says = f"diagnose was ended, for {what} "
+    assert session.notice.text.startswith(says)
+    assert session.notice.text.endswith("start it again where it is still wanted")
+    assert not session.notice.good
+    monkeypatch.setattr(session.slow, "start", lambda *_: None)
+    session.set_logs([session.folders.read[0] / "a.tlog"])
+    assert session.notice.text.startswith(says), "nothing was under way: nothing more is said"
+    session.diagnose()
+    assert session.notice is None
+
+
+def test_a_report_from_a_recording_alone_depends_on_no_choice_and_goes_on(session, monkeypatch):
+    began = []
+    monkeypatch.setattr(session.slow, "start", lambda job, *_: began.append(job))
+    session.report_from_log(session.folders.read[0] / "a.tlog")
+    (session.slow.job,) = began
+    for change in changes_of(session).values():
+        change()
+    assert session.slow.job == "report from a.tlog alone"
+    assert session.notice is None
+    session.cancel()
+    assert not session.slow.busy
+
+
 def test_what_is_saved_loads_again_and_nothing_is_written_over(session):
     session.slide(with_values(session.version, {"X_u": -7.5}), "X_u moved by hand")
     file = session.save("mine.toml")
@@ -159,7 +202,9 @@ def test_a_vessel_file_that_is_edited_is_read_again_and_where_work_would_be_lost
     assert session.version.text == file.read_text() != text
     session.slide(with_values(session.version, {"m11": 41.0}), "m11 moved by hand")
     file.write_text(text)
-    assert "changed: the studio goes on with it as it was; choose it again" in looked(session)
+    assert "changed: the studio goes on with it as it was; choose the vessel again" in looked(
+        session
+    )
     assert tomllib.loads(session.version.text)["dynamics"]["m11"] == 41.0
     assert session.watch.differs
 
