@@ -60,7 +60,7 @@ class _SeaSearch(EffectSearch):
         return [first.led_by(row)], row.fit
 
     def _takes_most(self, before: Fit, after: Fit) -> bool:
-        """Whether less than a part is left of the squared error above the noise on unseen time."""
+        """Whether half is left at most of the squared error above the noise on unseen time."""
         scorer = self.scorer.shared_with(after)
         had, left = (scorer.score_fit(fit).nrmse ** 2 for fit in (before, after))
         floor = min(scorer.noise_floor**2, left)

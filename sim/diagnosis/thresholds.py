@@ -167,8 +167,9 @@ MAX_SHARE_LEFT = 0.2
 # The same beside trains of waves: two of a sea of six left 20 to 36 %, one of a spectrum of
 # twenty-four 96 %.
 MAX_SHARE_LEFT_BY_PART = 0.5
-# In a sea, for an effect to come before its waves: a wind of 12 m/s left 9 %.
-MAX_SHARE_LEFT_IN_A_SEA = 0.3
+# In a sea, for an effect to come before its waves: a wind of 12 m/s left 9 %, a current of 1.2 m/s
+# under thirty waves 30 %.
+MAX_SHARE_LEFT_IN_A_SEA = 0.5
 MIN_UNEXPLAINED_TOLD = 0.1  # of the squared error above the noise: less is not told in the verdict
 MIN_SHARE_OF_BASE_ERROR = 0.03  # of the squared error above the noise that the base alone left
 

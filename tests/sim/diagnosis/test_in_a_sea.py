@@ -102,7 +102,9 @@ def test_in_a_sea_what_is_there_is_found_and_nothing_else(port: float, expected:
     scorer = HeldOutScorer.of([trial], plain)
     search = EffectSearch(superset, CATALOGUE, 4, lambda _: None, map, scorer)
     first, _ = search.ranked(base, [])
-    fit = search_beside_waves(search, base, first).fit
+    found = search_beside_waves(search, base, first)
+    fit, others = found.fit, [s for s in found.steps if not s.best.effect.partial]
+    assert all(step.reference.problem.is_coloured for step in others)  # waves hide it before
     assert [a.effect.name for a in fit.added if not a.effect.partial] == expected
     if expected:
         values = fit.values("thruster_imbalance")
@@ -112,16 +114,18 @@ def test_in_a_sea_what_is_there_is_found_and_nothing_else(port: float, expected:
 
 @pytest.mark.slow
 def test_what_takes_most_of_the_error_comes_before_the_waves() -> None:
-    """Under the colour of all that a current does little of it is left."""
-    trial, plain = shaken(1.0, current=(0.5, -0.3)), Model.of(WAM_V)
+    """Under the colour of all that a strong wind did little of it was left."""
+    trial, plain = shaken(1.0, current=(1.0, -0.6)), Model.of(WAM_V)
     superset = SupersetModel.of(WAM_V, CATALOGUE)
     base = fit_base(superset, plain, [trial], DiagnoseSettings())
     scorer = HeldOutScorer.of([trial], plain)
     search = EffectSearch(superset, CATALOGUE, 4, lambda _: None, map, scorer)
     first, _ = search.ranked(base, [])
     found = search_beside_waves(search, base, first)
+    assert found.steps[0].best.name == "steady_current"
+    assert not found.steps[0].reference.problem.is_coloured
     assert [a.effect.name for a in found.fit.added if not a.effect.partial] == ["steady_current"]
     values = found.fit.values("steady_current")
     north, east = (values["speed"] * f(values["direction"]) for f in (np.cos, np.sin))
-    assert (north, east) == pytest.approx((0.5, -0.3), abs=0.03)
+    assert (north, east) == pytest.approx((1.0, -0.6), abs=0.03)
     assert scorer.score_fit(found.fit).nrmse < 0.6 * scorer.score_fit(found.base).nrmse
