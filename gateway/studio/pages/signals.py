@@ -12,6 +12,7 @@ from bokeh.models import CustomJS, TextInput
 
 from gateway.errors import BadInput
 from gateway.figures import SEVERAL, TIME, Axis, FigureData, Line, Panel, SeriesRole
+from gateway.files import stamp_of
 from gateway.studio.controls import FigurePlace
 from gateway.studio.names import labels
 from gateway.studio.page import (
@@ -61,6 +62,7 @@ class SignalsPage(Page):
         self._log.param.watch(lambda _: self._choose_log(), "value")
         self._search.param.watch(lambda _: self._filter(), "value_input")
         self._every: tuple[str, ...] = ()
+        self._drawn: tuple[SignalRequest, list[int] | None] | None = None  # and what its file was
         self._quiet = False
 
     def body(self) -> Any:
@@ -124,6 +126,10 @@ class SignalsPage(Page):
         request = self._request()
         if request is None:
             return
+        # the reader keeps one answer: who has its own does not ask in turn with another window
+        now = (request, stamp_of(Path(request.path)))
+        if now == self._drawn:
+            return
         reader = self.session.signals
         reader.ask(request)
         why = reader.refused.get(request)
@@ -136,6 +142,7 @@ class SignalsPage(Page):
         self._every = answer.fields
         self._filter()
         self._draw(answer)
+        self._drawn = now
 
     def _draw(self, answer: SignalsView) -> None:
         plots, derived = self.session.layout.plots, self.session.layout.derived

@@ -1,5 +1,8 @@
 """Any field of a recording over the boat's clock, and signals derived by a safe expression."""
 
+from pathlib import Path
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -15,6 +18,7 @@ from gateway.studio.signals import (
     Signal,
     SignalReader,
     SignalRequest,
+    SignalsView,
     derived_signal,
     signals_task,
 )
@@ -120,6 +124,37 @@ def test_modes_and_events_stand_on_the_boats_clock():
     on = armed.vehicle_time_ns[np.flatnonzero(armed.values[:, 0])]
     assert abs(known.events[1].time_ns - on[0]) < 2e9
     assert abs(known.events[2].time_ns - on[-1]) < 2e9
+
+
+def test_two_windows_with_a_recording_each_are_answered_and_then_there_is_peace(
+    tmp_path, monkeypatch
+):
+    """The reader keeps one answer: each asked again for its own when the other's came."""
+    logs = [tmp_path / "a.tlog", tmp_path / "b.tlog"]
+    for log in logs:
+        log.write_bytes(b"")
+    session = Session(Folders.of([], [tmp_path], tmp_path / "out"), logs, None)
+    reader, begun, done = session.signals, [], []
+    monkeypatch.setattr(reader.worker, "start", lambda job, task, request: begun.append(request))
+    monkeypatch.setattr(reader.worker, "messages", lambda: [done.pop()] if done else [])
+    pages = [signals_page.SignalsPage(context_of(session)) for _ in logs]
+    for page, log in zip(pages, logs, strict=True):
+        page._list()
+        page._log.value = str(log.resolve())
+    for _ in range(10):
+        if reader._reading is not None:
+            read = reader._reading
+            view = SignalsView(read, (Path(read.path).stem,), {}, {})
+            done.append(SimpleNamespace(kind="done", value=view))
+        if reader.update():
+            for page in pages:
+                page._show()
+    assert [page._every for page in pages] == [("a",), ("b",)]
+    assert len(begun) <= 3
+    logs[0].write_bytes(b"more")
+    pages[0]._list()
+    reader.update()
+    assert Path(begun[-1].path).name == "a.tlog"  # another file now
 
 
 def test_the_latest_question_is_answered_next(monkeypatch):
