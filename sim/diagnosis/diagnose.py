@@ -18,7 +18,7 @@ from sim.diagnosis.fit_problem import FitProblem, SupersetModel
 from sim.diagnosis.free_curve import FREE_FORMS, FreeCurve, find_free_curve
 from sim.diagnosis.generality import doubt_of, unseen_headings
 from sim.diagnosis.heldout import HeldOutScorer, RankedEffect, gain
-from sim.diagnosis.in_a_sea import is_in_a_sea, search_beside_waves
+from sim.diagnosis.in_a_sea import is_in_a_sea, not_told_in_a_sea, search_beside_waves
 from sim.diagnosis.ladder import EffectSearch, Selection
 from sim.diagnosis.more_room import (
     is_simpler,
@@ -179,7 +179,11 @@ def _diagnosed(
         ranking=candidates_of(selection.first, found.alone, found.rivals_of_first),
         unexplained=unexplained_share(found.ladder, found.floor),
         depends_on=found.left,
-        refused=(*effects.refused, *_doubted(selection, search.scorer)),
+        refused=(
+            *effects.refused,
+            *_doubted(selection, search.scorer),
+            *not_told_in_a_sea(selection, search.effects),
+        ),
         noise_floor=found.told_floor(curve),
         vessel=found.last.vessel,
         suggested=_suggested(selection, found.rivals, settings.plan, progress),

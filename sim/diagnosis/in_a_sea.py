@@ -20,8 +20,10 @@ from sim.diagnosis import thresholds
 from sim.diagnosis.fit import Fit, event_names, fit_effects, with_event_moved
 from sim.diagnosis.heldout import RankedEffect, Ranking
 from sim.diagnosis.ladder import EffectSearch, Selection
+from sim.diagnosis.next_experiment import Refusal
 from sim.diagnosis.residual_terms import swing_period
 from sim.diagnosis.worth import is_at_floor
+from sim.effects.effect import Effect, Shown
 from sim.identification.runs import MIN_MEANS_TIED
 
 
@@ -30,6 +32,26 @@ def is_in_a_sea(fit: Fit) -> bool:
     if any(a.effect.partial for a in fit.added):
         return True
     return not is_at_floor(fit.noise_share) and swing_period(fit) is not None
+
+
+def is_too_late_to_tell(effect: Effect) -> bool:
+    """Whether an effect is of velocities that come late, which the shortest runs do not tell.
+
+    A late velocity is that of a moment before the run began, which was measured: the later, the
+    more of what waves do the model is given, and the less is left of the run to err in.
+    """
+    return Shown.VELOCITY in effect.shown_by
+
+
+def not_told_in_a_sea(selection: Selection, effects: Sequence[Effect]) -> list[Refusal]:
+    """Effects of these that were not looked for beside waves, and why."""
+    if not selection.fit.problem.is_coloured:
+        return []
+    return [
+        Refusal(effect.name, "waves hide it: a run in calm water tells it")
+        for effect in effects
+        if is_too_late_to_tell(effect) and effect.name not in selection.fit.names
+    ]
 
 
 def search_beside_waves(search: EffectSearch, base: Fit, first: Ranking) -> Selection:
@@ -47,6 +69,13 @@ class _SeaSearch(EffectSearch):
         self.progress("in a sea: from one moment to the next, under the colour of what is left")
         bare = under_own_colour(_over_shortest_runs(base))
         fit = under_own_colour(_over_shortest_runs(fit)) if steps else bare
+        told = tuple(e for e in self.effects if not is_too_late_to_tell(e))
+        return replace(self, effects=told).under_the_colour(bare, first, steps, fit)
+
+    def under_the_colour(
+        self, bare: Fit, first: Ranking, steps: list[Ranking], fit: Fit
+    ) -> Selection:
+        """What else there is beside the trains."""
         steps, fit = self._grown_and_exchanged(steps, fit, self._next(steps, fit))
         steps, fit = self._made_simpler(*self._backward(steps, fit))
         steps, fit = self._of_each_day(steps, fit)
@@ -84,6 +113,14 @@ class _SeaSearch(EffectSearch):
     def justified(self, row: RankedEffect, steps: Sequence[Ranking], fit: Fit) -> bool:
         """As elsewhere; what was found before won its nats over longer runs, without a colour."""
         return super().justified(row, [s for s in steps if s.reference.problem.is_coloured], fit)
+
+    def is_worse(self, before: Fit, after: Fit) -> bool:
+        """As elsewhere, or unseen time in free runs: under a colour a strong wind is worth little,
+        and gave way to late velocities with three times the error.
+        """
+        scorer = self.scorer.shared_with(after)
+        had, has = (scorer.score_fit(fit).nrmse for fit in (before, after))
+        return has > thresholds.MAX_RIVAL_RATIO * had or super().is_worse(before, after)
 
     def settled(self, base: Fit, fit: Fit) -> Fit:
         """The same effects with their last numbers, under the colour that these leave."""

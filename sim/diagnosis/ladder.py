@@ -128,6 +128,10 @@ class EffectSearch(LikelihoodSearch):
                 steps, fit = self._grown(steps, fit, self._next(steps, fit))
         return steps, fit
 
+    def is_worse(self, before: Fit, after: Fit) -> bool:
+        """Whether what takes the place of a fit predicts recordings left out noticeably worse."""
+        return is_worse_elsewhere(self.scorer, before, after)
+
     def settled(self, base: Fit, fit: Fit) -> Fit:
         """The same effects with their last numbers, under the noise that these leave.
 
@@ -241,7 +245,7 @@ class EffectSearch(LikelihoodSearch):
             ranking = ranking if ranking.finalists else step
             best, old = ranking.best, step.best.name
             better = best.name != old and is_worth_it(self._gain_over(best.fit, fit))
-            better = better and not is_worse_elsewhere(self.scorer, fit, best.fit)
+            better = better and not self.is_worse(fit, best.fit)
             if better and self.is_believed(best, ranking.reference):
                 self.progress(f"{best.name} in the place of {old}")
                 yield [*(s for k, s in enumerate(steps) if k != i), ranking], best.fit
@@ -403,7 +407,7 @@ class EffectSearch(LikelihoodSearch):
             return None
         for left, other in self._without_one(steps, fit, i):
             missed = is_missed(effect, self._gain_over(fit, other))
-            if not missed and not is_worse_elsewhere(self.scorer, fit, other):
+            if not missed and not self.is_worse(fit, other):
                 self.progress(f"{effect.name} no longer earns its place")
                 return left, other
         return None

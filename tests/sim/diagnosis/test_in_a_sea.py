@@ -10,7 +10,12 @@ from sim.diagnosis.diagnose import DiagnoseSettings, fit_base
 from sim.diagnosis.fit import Fit
 from sim.diagnosis.fit_problem import SupersetModel
 from sim.diagnosis.heldout import HeldOutScorer
-from sim.diagnosis.in_a_sea import is_in_a_sea, search_beside_waves, under_own_colour
+from sim.diagnosis.in_a_sea import (
+    is_in_a_sea,
+    not_told_in_a_sea,
+    search_beside_waves,
+    under_own_colour,
+)
 from sim.diagnosis.ladder import EffectSearch
 from sim.effects.catalogue import named
 from sim.model import Model
@@ -66,6 +71,19 @@ def test_a_sea_is_told_by_a_train_or_by_what_swings(
         added=(SimpleNamespace(effect=named(effect)),), noise_share=(0.7, 0.7, left)
     )
     assert is_in_a_sea(fit) is is_one
+
+
+@pytest.mark.parametrize(("coloured", "found", "told"), [(True, (), True), (False, (), False),
+                                                         (True, ("velocity_latency",), False)])  # fmt: skip
+def test_late_velocities_are_not_told_in_a_sea_and_that_is_said(
+    coloured: bool, found: tuple[str, ...], told: bool
+) -> None:
+    problem = SimpleNamespace(is_coloured=coloured)
+    selection: Any = SimpleNamespace(fit=SimpleNamespace(problem=problem, names=found))
+    effects = [named(name) for name in ("velocity_latency", "command_delay", "wave_motion")]
+    refused = not_told_in_a_sea(selection, effects)
+    assert [r.effect for r in refused] == ["velocity_latency"] * told
+    assert all("calm water" in r.reason for r in refused)
 
 
 def largest_correlation(residual: Floats) -> float:
