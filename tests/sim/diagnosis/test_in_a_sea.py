@@ -73,8 +73,10 @@ def test_a_sea_is_told_by_a_train_or_by_what_swings(
     assert is_in_a_sea(fit) is is_one
 
 
-@pytest.mark.parametrize(("coloured", "found", "told"), [(True, (), True), (False, (), False),
-                                                         (True, ("velocity_latency",), False)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("coloured", "found", "told"),
+    [(True, (), True), (False, (), False), (True, ("velocity_latency",), False)],
+)
 def test_late_velocities_are_not_told_in_a_sea_and_that_is_said(
     coloured: bool, found: tuple[str, ...], told: bool
 ) -> None:
