@@ -11,11 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from gateway.errors import BadInput, ShadowError, numerical_errors, printable, shell_path
+from gateway.errors import BadInput, ShadowError, numerical_errors, shell_path
 from gateway.estimation import SOURCES, FilterSettings
 from gateway.estimation.events import Events
 from gateway.estimation.gyro_delay import tells_delay
 from gateway.estimation.smoother import SmoothedMotion
+from gateway.files import recording_names
 from gateway.ingest.agreement import reconciled
 from gateway.ingest.log import BoatSamples, Log, choose_floating
 from gateway.ingest.mapping import Origin, actuators, moment_of
@@ -81,6 +82,7 @@ class TrialOptions:
     mapping: str | Path | None = None  # mapping file of .csv tables; default: the one beside each
     anyway: bool = False  # take the log of a vehicle that says it is no boat
     measured_hz: float | None = None  # a first look: of each kind so many measurements are taken
+    together: tuple[Path, ...] = ()  # all that are read: no two get one name
 
     def __post_init__(self) -> None:
         if not 0.5 <= self.rate_hz <= 200.0:
@@ -88,6 +90,15 @@ class TrialOptions:
         unknown = set(self.keep) - set(usable_time.REASONS)
         if unknown:
             raise BadInput(f"cannot keep {sorted(unknown)}: expected some of {usable_time.REASONS}")
+
+    def with_all(self, logs: Sequence[str | Path]) -> "TrialOptions":
+        """The same, where these recordings are read too."""
+        return replace(self, together=tuple(dict.fromkeys((*self.together, *map(Path, logs)))))
+
+    def name_of(self, log: str | Path) -> str:
+        """What a recording is called among all that are read."""
+        together = self.with_all([log]).together
+        return recording_names(together)[together.index(Path(log))]
 
     @property
     def flags(self) -> str:
@@ -113,13 +124,13 @@ def load_trials(
 
     `system` and `mapping` go over those of the options.
     """
-    options = options or DEFAULT_TRIALS
+    files = [paths] if isinstance(paths, str | Path) else list(paths)
+    check_each_once(files)
+    options = (options or DEFAULT_TRIALS).with_all(files)
     if system is not None:
         options = replace(options, system=system)
     if mapping is not None:
         options = replace(options, mapping=mapping)
-    files = [paths] if isinstance(paths, str | Path) else list(paths)
-    check_each_once(files)
     return [t for file in files for t in trials_of(open_log(file, options.mapping), options)]
 
 
@@ -128,7 +139,7 @@ def usable_trials(
 ) -> list[Trial]:
     """All trials of all recordings that hold usable time."""
     check_each_once(logs)
-    out: list[Trial] = []
+    options, out = options.with_all(logs), list[Trial]()
     for log in logs:
         progress(f"reading {Path(log).name}")
         out += [t for t in load_trials(log, None, options) if t.usable.any()]
@@ -140,13 +151,13 @@ def trials_of(log: Log, options: TrialOptions = DEFAULT_TRIALS) -> list[Trial]:
     with numerical_errors(log.path):
         source = source_of(log, options)
         spans = source.spans()
-        stem = printable(Path(log.path).stem)
-        names = [stem] if len(spans) == 1 else [f"{stem} #{k + 1}" for k in range(len(spans))]
+        name = options.name_of(log.path)
+        names = [name] if len(spans) == 1 else [f"{name} #{k + 1}" for k in range(len(spans))]
         trials = [source.trial(*each, options) for each in zip(names, spans, strict=True)]
     if not trials:
         raise BadInput(f"{log.path}: no {SHORTEST_S:.0f} s of heading and velocity in one piece")
     if not options.motion_only and not any(trial.usable.any() for trial in trials):
-        raise BadInput(f"{log.path}: {NOTHING_USABLE}{excluded_summary(trials)}")
+        raise BadInput(f"{log.path}: {NOTHING_USABLE}{usable_time.excluded_summary(trials)}")
     return trials
 
 
@@ -157,17 +168,6 @@ def why_unusable(log: Log, system: int | None = None) -> str:
     except ShadowError as error:
         return str(error).removeprefix(f"{log.path}: ").removeprefix(NOTHING_USABLE)
     return ""
-
-
-def excluded_summary(trials: Sequence[Trial]) -> str:
-    """What excluded how much: "disarmed 153 s, …"; empty where nothing was excluded. What excluded
-    less than half a second is not told beside the rest.
-    """
-    lost: dict[str, float] = {}
-    for stretch in (stretch for trial in trials for stretch in trial.excluded):
-        lost[stretch.why] = lost.get(stretch.why, 0.0) + stretch.end - stretch.start
-    told = {why: length for why, length in lost.items() if round(length)} or lost
-    return ", ".join(f"{why} {length:.0f} s" for why, length in told.items())
 
 
 def date_of(trial: Trial) -> str:

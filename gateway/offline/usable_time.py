@@ -193,6 +193,17 @@ class Exclusion:
     recording: str | None = None
 
 
+def excluded_summary(trials: Sequence[Trial]) -> str:
+    """What excluded how much: "disarmed 153 s, …"; empty where nothing was excluded. What excluded
+    less than half a second is not told beside the rest.
+    """
+    lost: dict[str, float] = {}
+    for stretch in (stretch for trial in trials for stretch in trial.excluded):
+        lost[stretch.why] = lost.get(stretch.why, 0.0) + stretch.end - stretch.start
+    told = {why: length for why, length in lost.items() if round(length)} or lost
+    return ", ".join(f"{why} {length:.0f} s" for why, length in told.items())
+
+
 def parse_exclusions(texts: Iterable[str]) -> tuple[Exclusion, ...]:
     """FROM:TO or RECORDING:FROM:TO as typed; an empty end is the recording's own."""
     return tuple(_exclusion(text) for text in texts)

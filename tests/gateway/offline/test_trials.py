@@ -19,7 +19,6 @@ from gateway.offline.trials import (
     DEFAULT_TRIALS,
     TrialOptions,
     date_of,
-    excluded_summary,
     load_trials,
     source_of,
     told_too_seldom,
@@ -346,7 +345,7 @@ def test_a_clock_that_counts_from_its_own_start_tells_no_date(start_ns, day) -> 
 def test_what_excluded_less_than_half_a_second_is_told_only_alone(seconds, told) -> None:
     reasons = zip(seconds, ("disarmed", "no 3-D fix"), strict=False)
     stretches = tuple(Stretch(0.0, length, why) for length, why in reasons)
-    assert excluded_summary([SimpleNamespace(excluded=stretches)]) == told
+    assert usable_time.excluded_summary([SimpleNamespace(excluded=stretches)]) == told
 
 
 @pytest.mark.parametrize("name", USABLE)
