@@ -22,6 +22,7 @@ from gateway.ingest.log import BoatSamples, Log, choose_floating
 from gateway.ingest.mapping import Origin, actuators, moment_of
 from gateway.ingest.open import check_each_once, open_log
 from gateway.ingest.parameter_changes import first_parameters, outputs_changes
+from gateway.ingest.repeated import repeated_notice, repeated_spans
 from gateway.ingest.sources import Choice, choose
 from gateway.ingest.table_repair import repair_table, settings_for
 from gateway.offline import usable_time
@@ -43,9 +44,6 @@ from sim.vessel import Servo
 SPLIT_S = 30.0  # a longer silence of heading or velocity ends a trial; chosen, not measured
 SERVO_SETTINGS = ("MIN", "TRIM", "MAX", "REVERSED")  # of an output
 SHORTEST_S = 5.0  # of a trial; chosen, not measured
-# A voyage whose outputs were thinned: its own vessel errs by 2.0 floors at 1 Hz, 1.25 at 2 Hz, as
-# much as noise at 4 Hz.
-SELDOM_HZ, ENOUGH_HZ = 1.8, 4.0
 
 # A trial holds the heading that the compass reported: what the filter would set aside as a slow
 # error of the compass is for the sensor effects to explain. With 1.1° of it, sway at 1.6 m/s was
@@ -190,6 +188,7 @@ def source_of(log: Log, options: TrialOptions) -> "TrialSource":
     if tells_delay(parameters):  # else as reported: the doubt that a live filter needs would leave
         known = known.with_parameters(parameters)  # a smoothed yaw rate four times as uncertain
     settings = settings_for(decoded, choices, known)
+    repeats = repeated_spans(choices, decoded.sessions)
     return TrialSource(
         epoch_ns,
         decoded.sessions,
@@ -201,23 +200,15 @@ def source_of(log: Log, options: TrialOptions) -> "TrialSource":
         outputs_set(log, decoded, epoch_ns),
         tuple((one.vehicle_time_ns - epoch_ns) * 1e-9 for one in decoded.lane_switches),
         settings,
-        (*table.notices, *([] if decoded.tabular else told_too_seldom(choices))),
+        (
+            *table.notices,
+            *([] if decoded.tabular else usable_time.told_too_seldom(choices)),
+            *repeated_notice(repeats, decoded.sessions),
+        ),
         contradictions,
         deviation,
+        tuple(((a - epoch_ns) * 1e-9, (b - epoch_ns) * 1e-9) for a, b in repeats),
     )
-
-
-def told_too_seldom(choices: Mapping[str, Choice]) -> list[str]:
-    """That outputs are told so seldom that nobody knows what the motors did between; a table may
-    hold them until they change.
-    """
-    hz = choices["commands"].rate_hz if "commands" in choices else 0.0
-    if not 0.0 < hz < SELDOM_HZ:
-        return []
-    return [
-        f"outputs are told at {hz:.2g} Hz: what the motors did between is not known, and errors "
-        f"that look like an effect may be that ({ENOUGH_HZ:g} Hz are enough)"
-    ]
 
 
 def outputs_set(log: Log, decoded: BoatSamples, epoch_ns: int) -> tuple[OutputsSet, ...]:
@@ -262,6 +253,7 @@ class TrialSource:
     """All that the trials of one log are cut from; times in seconds after `epoch_ns`.
 
     events     without what the compass deviates by, where the gyro tells that (`deviation`)
+    repeats    what an earlier session holds as well
     """
 
     epoch_ns: int
@@ -277,6 +269,7 @@ class TrialSource:
     notices: tuple[str, ...]
     contradictions: tuple[str, ...] = ()
     deviation: Deviation = ()
+    repeats: tuple[tuple[float, float], ...] = ()
 
     def spans(self) -> list[tuple[float, float]]:
         """Stretches [s] in which heading and velocity are known without a long silence."""
@@ -323,6 +316,7 @@ class TrialSource:
         reasons = self._reasons(motion, grid, pwm, channels) | {
             usable_time.FROZEN: frozen(events, grid),
             usable_time.COMPASS: compass_jumped(events, grid),
+            usable_time.REPEATED: usable_time.within(self.repeats, grid),
         }
         reasons = {why: where for why, where in reasons.items() if why not in options.keep}
         return Trial(

@@ -21,7 +21,6 @@ from gateway.offline.trials import (
     date_of,
     load_trials,
     source_of,
-    told_too_seldom,
     trials_of,
 )
 from gateway.simulated_boat.play import write_log
@@ -452,6 +451,6 @@ def test_outputs_that_are_told_too_seldom_are_a_notice(hz: float, told: bool) ->
     """Of a right model "something is missing that the catalogue does not hold" was all that was
     said.
     """
-    found = told_too_seldom({"commands": SimpleNamespace(rate_hz=hz)})  # type: ignore[dict-item]
+    found = usable_time.told_too_seldom({"commands": SimpleNamespace(rate_hz=hz)})  # type: ignore[dict-item]
     assert [f"outputs are told at {hz:.2g} Hz: " in text for text in found] == [True] * told
-    assert told_too_seldom({}) == []
+    assert usable_time.told_too_seldom({}) == []
