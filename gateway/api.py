@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from gateway.files import RECORDINGS, write_whole
 from gateway.vessel_file import dump_vessel
-from sim.comparison.compare import Comparison
+from sim.comparison.compare import Comparison, by_trial
 from sim.diagnosis.answer import Diagnosis
 from sim.identification.identify import Identification
 from sim.near_names import did_you_mean
@@ -60,7 +60,7 @@ def plot(
         figures = {"parameters": changes}
     else:
         compared = [result] if isinstance(result, Comparison) else list(result)
-        trial = next(t for t in some if t.name == compared[0].log)
-        mine = [c for c in compared if c.log == trial.name]
+        mine = by_trial(compared)[0]
+        trial = next(t for t in some if t.name == mine[0].log)
         figures = comparison.comparison_figures(trial, mine)
     return {name: draw_figure(figure) for name, figure in figures.items()}

@@ -21,7 +21,7 @@ import json
 import os
 import re
 import stat
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -29,7 +29,7 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
 
-from gateway.errors import BadInput, ShadowError
+from gateway.errors import BadInput, ShadowError, printable
 
 OTHERS_MAY_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
@@ -253,6 +253,29 @@ def write_whole(file: Path, content: bytes, what: str) -> None:
 def picture_name(name: str) -> str:
     """The name of a figure as that of its file: dashes for blanks and special characters."""
     return UNSAFE.sub("-", name).strip("-").lower() + ".png"
+
+
+def recording_names(files: Sequence[str | Path]) -> list[str]:
+    """A name for each of several recordings: its stem, with as much of its path as keeps it apart.
+
+    Results are grouped, and pictures named, by these: two that differ in no more than what a
+    picture's name leaves out would be one.
+    """
+    longer = [_names_from_short_to_long(Path(file), i + 1) for i, file in enumerate(files)]
+    while True:
+        keys = [picture_name(names[0]) for names in longer]
+        shared = [i for i, key in enumerate(keys) if keys.count(key) > 1 and len(longer[i]) > 1]
+        if not shared:
+            return [names[0] for names in longer]
+        for i in shared:
+            del longer[i][0]
+
+
+def _names_from_short_to_long(file: Path, number: int) -> list[str]:
+    """log, log.tlog, d1/log.tlog, …; at last a number, for "a b.tlog" beside "a-b.tlog"."""
+    parts = file.absolute().parts[1:]
+    paths = ("/".join(parts[-k:]) for k in range(1, len(parts) + 1))
+    return [printable(name) for name in (file.stem, *paths, f"{file.name} {number}")]
 
 
 def pictures_there(folder: Path | None, begin: Iterable[str], end: str = ".png") -> list[Path]:

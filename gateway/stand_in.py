@@ -140,7 +140,12 @@ class JsonClient:
                 for arrival in self._transport.receive(left):
                     self._count += 1
                     return parse_reply(arrival.data)
-        raise ShadowError(f"{self._address}: nobody answers there: run shadow hil first")
+        if not self._count:
+            raise ShadowError(f"{self._address}: nobody answers there: run shadow hil first")
+        raise ShadowError(
+            f"{self._address}: the boat answers no more, for {ATTEMPTS * REPLY_S:.0f} s: start "
+            "shadow hil again, then this"
+        )
 
 
 Sticks = tuple[float, float]  # throttle, steer: −1 … 1

@@ -25,7 +25,7 @@ from gateway.commands import (
 )
 from gateway.commands.completion import effects_begun, manoeuvres_begun, vessels_begun
 from gateway.errors import BadInput
-from gateway.files import guarded_outputs, named_as, pictures_there, vessel_path
+from gateway.files import guarded_outputs, named_as, pictures_there, recording_names, vessel_path
 
 
 def identify(
@@ -111,7 +111,7 @@ def identify(
     if boat:
         raise BadInput("--boat goes with --by-recording")
     read = (*logs, *(validate or ()))
-    drawn = pictures_there(pictures, [log.stem for log in read], end="-parameters.png")
+    drawn = pictures_there(pictures, recording_names(read), end="-parameters.png")
     inputs = (*read, vessel_path(vessel), mapping, *(effects or ()))
     with (
         guarded_outputs("identify", inputs, [out, *drawn], force, pictures),
@@ -174,7 +174,7 @@ def compare(
     if with_hil is not None and len(logs) > 1:
         raise BadInput("--with-hil: one LOG is held beside one RECORDING")
     inputs = (*logs, *map(vessel_path, vessel), mapping, with_hil, *(effects or ()))
-    drawn = pictures_there(pictures, [log.stem for log in logs])
+    drawn = pictures_there(pictures, recording_names(logs))
     options = TrialOptions(system=system, mapping=mapping, anyway=anyway)
     beside = None
     with (

@@ -26,7 +26,8 @@ from gateway.ingest.survey import survey
 from gateway.offline.compare import compare_models
 from gateway.offline.diagnose import DIAGNOSIS_TRIALS, diagnosed_trials
 from gateway.offline.identify import identify_settings, identify_trials
-from gateway.offline.trials import TrialOptions, excluded_summary, trials_of
+from gateway.offline.trials import TrialOptions, trials_of
+from gateway.offline.usable_time import excluded_summary
 from gateway.user_effects import known_effects, load_effects
 from gateway.vessel_file import load_vessel, read_vessel_file
 from sim.comparison.compare import Comparison

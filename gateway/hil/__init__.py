@@ -6,10 +6,12 @@ with others; and where it was when its program ended, kill -9 included: there it
 Running firmware waits when `shadow hil` is gone, and its filter does not forgive a boat that then
 lies elsewhere on another heading. So each frame leaves the state in a small mapped file, written in
 two places in turn: one of them is always whole. A boat goes on only for the very frame that the
-firmware is waiting with, with the same vessel, day and seed.
+firmware is waiting with, with the same vessel, day and seed. The file is locked while its program
+runs: two boats of one name in one folder would each go on where the other was.
 """
 
 import mmap
+import sys
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
@@ -17,13 +19,13 @@ from math import nan
 from pathlib import Path
 from struct import Struct
 from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import IO, Any, Protocol, Self
 from zlib import crc32
 
 import numpy as np
 import orjson
 
-from gateway.errors import ShadowError
+from gateway.errors import BadInput, ShadowError
 from gateway.links import Peer
 from sim.hil import Readings
 from sim.hil.boat import Boat, BoatState, Truth
@@ -32,6 +34,7 @@ from sim.state import Progress
 SLOT_BYTES = 4096  # a state takes some hundred
 HEAD = Struct("<IIQ")  # checksum and length of the text, number of the writing
 NEXT_FRAMES = (0, 1)  # after the last one that was kept: the firmware asks for that, or again
+RELEASE_S, RETRY_S = 2.0, 0.1  # a program that was just ended still finishes its recording; chosen
 
 
 class Checkpoint:
@@ -40,15 +43,22 @@ class Checkpoint:
     def __init__(self, path: Path, identity: str) -> None:
         self._path, self._identity = path, f"{crc32(identity.encode()):08x}"
         self._map: mmap.mmap | None = None
+        self._file: IO[bytes] | None = None  # open, and so locked, as long as the map
         self._writings = 0
         self._found: dict[str, Any] | None = None
 
     def __enter__(self) -> Self:
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            with self._path.open("a+b") as file:
-                file.truncate(2 * SLOT_BYTES)
-                self._map = mmap.mmap(file.fileno(), 2 * SLOT_BYTES)
+            self._file = self._path.open("a+b")
+            if not _locked(self._file):
+                self._file.close()
+                raise BadInput(
+                    f"{self._path}: another `shadow hil` keeps its boat there: give this one "
+                    "another name (--vessel NAME=FILE) or another folder (--out DIR)"
+                )
+            self._file.truncate(2 * SLOT_BYTES)
+            self._map = mmap.mmap(self._file.fileno(), 2 * SLOT_BYTES)
         except (OSError, ValueError) as error:
             raise ShadowError(f"{self._path}: cannot keep the state there: {error}") from None
         self._found = self._newest()
@@ -60,6 +70,8 @@ class Checkpoint:
         if self._map is not None:
             self._map.close()
             self._map = None
+        if self._file is not None:
+            self._file.close()
 
     def keep(self, frame: int, state: BoatState) -> None:
         """The state after a frame. Commands that act late are forgotten but for the last."""
@@ -96,6 +108,23 @@ class Checkpoint:
                 best = (number, orjson.loads(text))
         self._writings = best[0]
         return best[1]
+
+
+def _locked(file: IO[bytes]) -> bool:
+    """Whether the file is this program's alone; so it is where a system knows no locks."""
+    if sys.platform == "win32":
+        return True
+    import fcntl
+
+    for _ in range(round(RELEASE_S / RETRY_S) + 1):
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return True
+        except BlockingIOError:
+            time.sleep(RETRY_S)
+        except OSError:
+            return True
+    return False
 
 
 QUIET_S = 10.0  # between two lines about the same thing
@@ -194,16 +223,10 @@ class OutputCheck:
 class Played:
     """A boat that moves when its protocol says so."""
 
-    def __init__(
-        self,
-        name: str,
-        boat: Boat,
-        notices: Notices,
-        sink: TruthSink | None,
-        checkpoint: Checkpoint | None = None,
-    ) -> None:
-        self._checkpoint = checkpoint
-        self.name, self.boat, self._notices, self._sink = name, boat, notices, sink
+    def __init__(self, name: str, boat: Boat, notices: Notices) -> None:
+        self.sink: TruthSink | None = None
+        self.checkpoint: Checkpoint | None = None
+        self.name, self.boat, self._notices = name, boat, notices
         self._state = boat.start()
         self.truth: Truth | None = None  # after the last step; other threads may look
         self._outputs = OutputCheck(boat, notices)
@@ -217,31 +240,31 @@ class Played:
         if self.frames:
             self.restarts += 1
             self._state = self.boat.start()
-            if self._sink is not None:
-                self._sink.start()
+            if self.sink is not None:
+                self.sink.start()
 
     def resume(self, frame: int) -> bool:
         """Go on where an earlier program left it when firmware waited with that frame."""
-        state = None if self._checkpoint is None else self._checkpoint.state_before(frame)
+        state = None if self.checkpoint is None else self.checkpoint.state_before(frame)
         if state is None:
             return False
         self._state = state
-        if self._sink is not None:
-            self._sink.start(state.time)
+        if self.sink is not None:
+            self.sink.start(state.time)
         return True
 
     def keep(self, frame: int) -> None:
         """Note where the boat is after a frame."""
-        if self._checkpoint is not None:
-            self._checkpoint.keep(frame, self._state)
+        if self.checkpoint is not None:
+            self.checkpoint.keep(frame, self._state)
 
     def step(self, pulses: Mapping[int, float], dt: float) -> Readings:
         """Go on by dt [s] under pulses [µs] by channel -> what the sensors read then."""
         self._state, readings, truth = self.boat.step(self._state, pulses, dt)
         self.truth = truth
         self._outputs.look(pulses, truth.time)
-        if self._sink is not None:
-            self._sink.put(truth, pulses)
+        if self.sink is not None:
+            self.sink.put(truth, pulses)
         self.frames += 1
         self.seconds += dt
         return readings

@@ -4,6 +4,7 @@ An endpoint is `PROTOCOL:ADDRESS`; the protocols are one table. Each boat has a 
 for its autopilot, steps, and answers; nothing is sent to anybody else.
 """
 
+import errno
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -169,31 +170,24 @@ def plans_of(
 
 
 class BoatLoop:
-    """One boat on one endpoint; `run` returns when the waker is woken or it has failed."""
+    """One boat on one endpoint; `run` returns when the waker is woken or it has failed.
+
+    `open`, `claim` and `record` come first, in this order and each of all boats before the next:
+    what cannot begin leaves no file behind.
+    """
 
     def __init__(
         self, plan: LoopPlan, options: LoopOptions, progress: Progress, scope: ExitStack
     ) -> None:
-        self.plan = plan
+        self.plan, self._options = plan, options
         try:
             boat = Boat.of(plan.vessel, options.day, options.seed, options.plant)
         except ValueError as error:
             raise BadInput(f"{plan.name}: {error}") from None
         self.recording: RecordingThread | None = None
         self._truth: TruthRecording | None = None
-        checkpoint = None
-        if options.out is not None:
-            recorder = loop_recorder(
-                options.out, plan.name, boat.vessel, options.day_text, options.seed, options.plant
-            )
-            self.recording = scope.enter_context(RecordingThread(recorder))
-            self._truth = TruthRecording(plan.name, self.recording, time.time_ns())
-            if options.plant == OWN_VESSEL:  # the state of any other plant may be of any kind
-                identity = f"{dump_vessel(boat.vessel)}{options.day_text}{options.seed}"
-                state_file = options.out / f"{plan.name}-hil.state"
-                checkpoint = scope.enter_context(Checkpoint(state_file, identity))
         self.notices = Notices(plan.name, progress)
-        self.played = Played(plan.name, boat, self.notices, self._truth, checkpoint)
+        self.played = Played(plan.name, boat, self.notices)
         protocol, self._transport = protocol_of(plan.endpoint)
         self._session = protocol.session(self.played, options, scope)
         self._warning = protocol.warning
@@ -208,8 +202,30 @@ class BoatLoop:
         try:
             self._transport.open(waker, self._link_event)
         except OSError as error:
-            reason = error.strerror or error
-            raise ShadowError(f"{self.plan.endpoint}: cannot listen there: {reason}") from None
+            text = f"{self.plan.endpoint}: cannot listen there: {error.strerror or error}"
+            if error.errno == errno.EADDRINUSE:
+                text += "; another program has the port: end that one, or give another endpoint"
+            raise ShadowError(text) from None
+
+    def claim(self, scope: ExitStack) -> None:
+        """Open the file that keeps where the boat is; BadInput where it is another program's."""
+        options, vessel = self._options, self.played.boat.vessel
+        if options.out is None or options.plant != OWN_VESSEL:
+            return  # the state of any other plant may be of any kind
+        identity = f"{dump_vessel(vessel)}{options.day_text}{options.seed}"
+        file = options.out / f"{self.plan.name}-hil.state"
+        self.played.checkpoint = scope.enter_context(Checkpoint(file, identity))
+
+    def record(self, scope: ExitStack) -> None:
+        """Begin the recording, if there is to be one; from here on it waits for its autopilot."""
+        options, name = self._options, self.plan.name
+        if options.out is not None:
+            vessel = self.played.boat.vessel
+            recorder = loop_recorder(
+                options.out, name, vessel, options.day_text, options.seed, options.plant
+            )
+            self.recording = scope.enter_context(RecordingThread(recorder))
+            self.played.sink = self._truth = TruthRecording(name, self.recording, time.time_ns())
         self.notices.say("listening", f"waiting for an autopilot on {self.plan.endpoint}")
 
     def close(self) -> None:
@@ -331,6 +347,10 @@ def run_loops(
         for loop in loops:
             scope.callback(loop.close)
             loop.open(waker)
+        for loop in loops:
+            loop.claim(scope)
+        for loop in loops:
+            loop.record(scope)
         ready()
         threads = [Thread(target=loop.run, name=loop.plan.name, daemon=True) for loop in loops]
         for thread in threads:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from gateway.errors import BadInput
 from gateway.ingest.clock import BoatClock, ClockReport, StampStatus
-from gateway.ingest.mapping import Rule, counter_us, instance_of
+from gateway.ingest.mapping import Counter, Rule, counter_us, instance_of
 from gateway.samples import Quantity, Samples
 from sim.state import Floats, Ints
 
@@ -400,22 +400,36 @@ def _stamped(
         return [], [], ()
     sizes = [len(part.order) for part in parts]
     by_log = np.argsort(np.concatenate([part.order for part in parts]), kind="stable")
+    counter = np.repeat([int(part.rule.counter) for part in parts], sizes)[by_log]
     vehicle, status, session = clock.stamp_all(
         np.repeat(np.arange(len(parts)), sizes)[by_log],
-        np.repeat([int(part.rule.counter) for part in parts], sizes)[by_log],
+        counter,
         np.concatenate([part.counter_us for part in parts])[by_log],
         np.concatenate([part.receive for part in parts])[by_log],
     )
     placed = status != StampStatus.UNPLACED
     spans = tuple(
-        (int(times.min()), int(times.max()))
+        _span(vehicle[mine], counter[mine] != Counter.RECEIPT)
         for number in np.unique(session[placed])
-        for times in [vehicle[placed & (session == number)]]
+        for mine in [placed & (session == number)]
     )
     back = np.empty(len(by_log), np.int64)
     back[by_log] = np.arange(len(by_log))
     cuts = np.cumsum(sizes)[:-1]
     return np.split(vehicle[back], cuts), np.split(status[back], cuts), spans
+
+
+def _span(vehicle: Ints, counted: NDArray[np.bool_]) -> tuple[int, int]:
+    """First and last time of a session's messages, in the order of the log.
+
+    Until the clock is sure of a new boot, messages without a counter lie where the receiver's clock
+    was set to: those that go back behind the last counter are none of this session.
+    """
+    if counted.any():
+        last = int(np.flatnonzero(counted)[-1])
+        behind = (np.arange(len(vehicle)) > last) & (vehicle < vehicle[last])
+        vehicle = vehicle[~behind]
+    return int(vehicle.min()), int(vehicle.max())
 
 
 def _samples(part: _RuleRows, vehicle: Ints, good: NDArray[np.bool_]) -> list[Samples]:

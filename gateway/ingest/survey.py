@@ -20,6 +20,7 @@ from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, boats_of, cho
 from gateway.ingest.mapping import Actuator, OutputFunction, actuators
 from gateway.ingest.parameter_changes import outputs_notice
 from gateway.ingest.px4_outputs import named_outputs
+from gateway.ingest.repeated import repeated_notice, repeated_spans
 from gateway.ingest.sources import PRIORITY, Choice, choose, uniform_grid
 from gateway.ingest.table_repair import repair_table
 from gateway.samples import Quantity, Samples
@@ -297,6 +298,7 @@ def _boat(log: Log, boat: Boat) -> BoatSurvey:
             *outputs_notice(log, boat),
             *reconciled(repaired.choices).contradictions,
             *repaired.notices,
+            *repeated_notice(repeated_spans(choices, decoded.sessions), decoded.sessions),
         ),
         named_outputs(parameters),
     )

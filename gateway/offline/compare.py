@@ -10,7 +10,8 @@ from gateway.figures.comparison import comparison_figures
 from gateway.figures.matplotlib_draw import save_figures
 from gateway.ingest.open import check_each_once
 from gateway.offline.notices import notices_of
-from gateway.offline.trials import DEFAULT_TRIALS, TrialOptions, excluded_summary, load_trials
+from gateway.offline.trials import DEFAULT_TRIALS, TrialOptions, load_trials
+from gateway.offline.usable_time import excluded_summary
 from gateway.vessel_file import load_vessel
 from sim.comparison.compare import Comparison, compare, improvements
 from sim.comparison.refit import TooShortError, compare_refitted
@@ -61,6 +62,7 @@ def compare_logs(
     if not logs:
         raise BadInput("nothing to compare: give at least one recording and one vessel file")
     check_each_once(logs)
+    options = options.with_all(logs)
     named = distinct_vessels(vessels, tuple(effects))
     out: list[Comparison] = []
     for log in logs:
@@ -92,6 +94,7 @@ def compare_by_trial(
     if not logs or not vessels:
         raise BadInput("nothing to compare: give at least one recording and one vessel file")
     check_each_once(logs)
+    options = options.with_all(logs)
     models = [Model.of(vessel) for vessel in vessels]
     out: list[TrialComparison] = []
     trials: list[Trial] = []

@@ -68,6 +68,7 @@ def identify_logs(
     """
     known, names = tuple(effects), ", ".join(str(log) for log in logs)
     check_each_once((*logs, *validate))
+    options = options.with_all((*logs, *validate))
     boat = load_vessel(vessel, known)
     if out is not None:
         check_place(Path(out).parent, Path(out))
@@ -247,6 +248,7 @@ def identify_logs_by_recording(
     if settings.method not in FITS:
         raise BadInput(f"--by-recording goes with --method {' or '.join(FITS)}")
     check_each_once(logs)
+    options = options.with_all(logs)
     boat, names = load_vessel(vessel, tuple(effects)), ", ".join(str(log) for log in logs)
     whose, trials = list[str](), []
     for log in logs:

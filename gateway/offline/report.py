@@ -121,6 +121,7 @@ def report_from_log(
     if not logs:
         raise BadInput("nothing to report on: give at least one recording")
     check_each_once(logs)
+    options = options.with_all(logs)
     learnt = learn_from(logs[0], given, options=options, effects=effects, progress=progress)
     vessels = [learnt.plain]
     if learnt.answer is not None and learnt.answer.diagnosis.effects:

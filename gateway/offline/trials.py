@@ -11,16 +11,18 @@ from pathlib import Path
 
 import numpy as np
 
-from gateway.errors import BadInput, ShadowError, numerical_errors, printable, shell_path
+from gateway.errors import BadInput, ShadowError, numerical_errors, shell_path
 from gateway.estimation import SOURCES, FilterSettings
 from gateway.estimation.events import Events
 from gateway.estimation.gyro_delay import tells_delay
 from gateway.estimation.smoother import SmoothedMotion
+from gateway.files import recording_names
 from gateway.ingest.agreement import reconciled
 from gateway.ingest.log import BoatSamples, Log, choose_floating
 from gateway.ingest.mapping import Origin, actuators, moment_of
 from gateway.ingest.open import check_each_once, open_log
 from gateway.ingest.parameter_changes import first_parameters, outputs_changes
+from gateway.ingest.repeated import repeated_notice, repeated_spans
 from gateway.ingest.sources import Choice, choose
 from gateway.ingest.table_repair import repair_table, settings_for
 from gateway.offline import usable_time
@@ -42,9 +44,6 @@ from sim.vessel import Servo
 SPLIT_S = 30.0  # a longer silence of heading or velocity ends a trial; chosen, not measured
 SERVO_SETTINGS = ("MIN", "TRIM", "MAX", "REVERSED")  # of an output
 SHORTEST_S = 5.0  # of a trial; chosen, not measured
-# A voyage whose outputs were thinned: its own vessel errs by 2.0 floors at 1 Hz, 1.25 at 2 Hz, as
-# much as noise at 4 Hz.
-SELDOM_HZ, ENOUGH_HZ = 1.8, 4.0
 
 # A trial holds the heading that the compass reported: what the filter would set aside as a slow
 # error of the compass is for the sensor effects to explain. With 1.1° of it, sway at 1.6 m/s was
@@ -81,6 +80,7 @@ class TrialOptions:
     mapping: str | Path | None = None  # mapping file of .csv tables; default: the one beside each
     anyway: bool = False  # take the log of a vehicle that says it is no boat
     measured_hz: float | None = None  # a first look: of each kind so many measurements are taken
+    together: tuple[Path, ...] = ()  # all that are read: no two get one name
 
     def __post_init__(self) -> None:
         if not 0.5 <= self.rate_hz <= 200.0:
@@ -88,6 +88,15 @@ class TrialOptions:
         unknown = set(self.keep) - set(usable_time.REASONS)
         if unknown:
             raise BadInput(f"cannot keep {sorted(unknown)}: expected some of {usable_time.REASONS}")
+
+    def with_all(self, logs: Sequence[str | Path]) -> "TrialOptions":
+        """The same, where these recordings are read too."""
+        return replace(self, together=tuple(dict.fromkeys((*self.together, *map(Path, logs)))))
+
+    def name_of(self, log: str | Path) -> str:
+        """What a recording is called among all that are read."""
+        together = self.with_all([log]).together
+        return recording_names(together)[together.index(Path(log))]
 
     @property
     def flags(self) -> str:
@@ -113,13 +122,13 @@ def load_trials(
 
     `system` and `mapping` go over those of the options.
     """
-    options = options or DEFAULT_TRIALS
+    files = [paths] if isinstance(paths, str | Path) else list(paths)
+    check_each_once(files)
+    options = (options or DEFAULT_TRIALS).with_all(files)
     if system is not None:
         options = replace(options, system=system)
     if mapping is not None:
         options = replace(options, mapping=mapping)
-    files = [paths] if isinstance(paths, str | Path) else list(paths)
-    check_each_once(files)
     return [t for file in files for t in trials_of(open_log(file, options.mapping), options)]
 
 
@@ -128,7 +137,7 @@ def usable_trials(
 ) -> list[Trial]:
     """All trials of all recordings that hold usable time."""
     check_each_once(logs)
-    out: list[Trial] = []
+    options, out = options.with_all(logs), list[Trial]()
     for log in logs:
         progress(f"reading {Path(log).name}")
         out += [t for t in load_trials(log, None, options) if t.usable.any()]
@@ -140,13 +149,13 @@ def trials_of(log: Log, options: TrialOptions = DEFAULT_TRIALS) -> list[Trial]:
     with numerical_errors(log.path):
         source = source_of(log, options)
         spans = source.spans()
-        stem = printable(Path(log.path).stem)
-        names = [stem] if len(spans) == 1 else [f"{stem} #{k + 1}" for k in range(len(spans))]
+        name = options.name_of(log.path)
+        names = [name] if len(spans) == 1 else [f"{name} #{k + 1}" for k in range(len(spans))]
         trials = [source.trial(*each, options) for each in zip(names, spans, strict=True)]
     if not trials:
         raise BadInput(f"{log.path}: no {SHORTEST_S:.0f} s of heading and velocity in one piece")
     if not options.motion_only and not any(trial.usable.any() for trial in trials):
-        raise BadInput(f"{log.path}: {NOTHING_USABLE}{excluded_summary(trials)}")
+        raise BadInput(f"{log.path}: {NOTHING_USABLE}{usable_time.excluded_summary(trials)}")
     return trials
 
 
@@ -157,17 +166,6 @@ def why_unusable(log: Log, system: int | None = None) -> str:
     except ShadowError as error:
         return str(error).removeprefix(f"{log.path}: ").removeprefix(NOTHING_USABLE)
     return ""
-
-
-def excluded_summary(trials: Sequence[Trial]) -> str:
-    """What excluded how much: "disarmed 153 s, …"; empty where nothing was excluded. What excluded
-    less than half a second is not told beside the rest.
-    """
-    lost: dict[str, float] = {}
-    for stretch in (stretch for trial in trials for stretch in trial.excluded):
-        lost[stretch.why] = lost.get(stretch.why, 0.0) + stretch.end - stretch.start
-    told = {why: length for why, length in lost.items() if round(length)} or lost
-    return ", ".join(f"{why} {length:.0f} s" for why, length in told.items())
 
 
 def date_of(trial: Trial) -> str:
@@ -190,6 +188,7 @@ def source_of(log: Log, options: TrialOptions) -> "TrialSource":
     if tells_delay(parameters):  # else as reported: the doubt that a live filter needs would leave
         known = known.with_parameters(parameters)  # a smoothed yaw rate four times as uncertain
     settings = settings_for(decoded, choices, known)
+    repeats = repeated_spans(choices, decoded.sessions)
     return TrialSource(
         epoch_ns,
         decoded.sessions,
@@ -201,23 +200,15 @@ def source_of(log: Log, options: TrialOptions) -> "TrialSource":
         outputs_set(log, decoded, epoch_ns),
         tuple((one.vehicle_time_ns - epoch_ns) * 1e-9 for one in decoded.lane_switches),
         settings,
-        (*table.notices, *([] if decoded.tabular else told_too_seldom(choices))),
+        (
+            *table.notices,
+            *([] if decoded.tabular else usable_time.told_too_seldom(choices)),
+            *repeated_notice(repeats, decoded.sessions),
+        ),
         contradictions,
         deviation,
+        tuple(((a - epoch_ns) * 1e-9, (b - epoch_ns) * 1e-9) for a, b in repeats),
     )
-
-
-def told_too_seldom(choices: Mapping[str, Choice]) -> list[str]:
-    """That outputs are told so seldom that nobody knows what the motors did between; a table may
-    hold them until they change.
-    """
-    hz = choices["commands"].rate_hz if "commands" in choices else 0.0
-    if not 0.0 < hz < SELDOM_HZ:
-        return []
-    return [
-        f"outputs are told at {hz:.2g} Hz: what the motors did between is not known, and errors "
-        f"that look like an effect may be that ({ENOUGH_HZ:g} Hz are enough)"
-    ]
 
 
 def outputs_set(log: Log, decoded: BoatSamples, epoch_ns: int) -> tuple[OutputsSet, ...]:
@@ -262,6 +253,7 @@ class TrialSource:
     """All that the trials of one log are cut from; times in seconds after `epoch_ns`.
 
     events     without what the compass deviates by, where the gyro tells that (`deviation`)
+    repeats    what an earlier session holds as well
     """
 
     epoch_ns: int
@@ -277,6 +269,7 @@ class TrialSource:
     notices: tuple[str, ...]
     contradictions: tuple[str, ...] = ()
     deviation: Deviation = ()
+    repeats: tuple[tuple[float, float], ...] = ()
 
     def spans(self) -> list[tuple[float, float]]:
         """Stretches [s] in which heading and velocity are known without a long silence."""
@@ -323,6 +316,7 @@ class TrialSource:
         reasons = self._reasons(motion, grid, pwm, channels) | {
             usable_time.FROZEN: frozen(events, grid),
             usable_time.COMPASS: compass_jumped(events, grid),
+            usable_time.REPEATED: usable_time.within(self.repeats, grid),
         }
         reasons = {why: where for why, where in reasons.items() if why not in options.keep}
         return Trial(

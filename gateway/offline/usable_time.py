@@ -23,6 +23,7 @@ from gateway.errors import BadInput
 from gateway.estimation import MeasurementKind
 from gateway.estimation.events import Events
 from gateway.ingest.mapping import STATUS_CONFIRMED_S, THRUST_FUNCTIONS, actuators
+from gateway.ingest.sources import Choice
 from gateway.shadow import HeldInputs
 from gateway.shadow.sensor_checks import (
     CONFIRMED_S,
@@ -51,6 +52,7 @@ EKF_ILL = "the autopilot's EKF unhealthy"
 LANE_SWITCH = "a switch of the autopilot's EKF"
 FROZEN = "a frozen sensor"
 COMPASS = "a compass that jumped"
+REPEATED = "there twice"
 GAP = "no telemetry"
 NO_COMMANDS = "no commands"
 IDLE = "not under way"
@@ -62,6 +64,7 @@ REASONS = (
     LANE_SWITCH,
     FROZEN,
     COMPASS,
+    REPEATED,
     GAP,
     NO_COMMANDS,
     IDLE,
@@ -112,6 +115,12 @@ def around(moments: Sequence[float], time: Floats) -> Bools:
     """Where a step of the autopilot's estimate is near: moments [s], (T,) s -> (T,)."""
     near = [np.abs(time - moment) <= SETTLE_S for moment in moments]
     return np.logical_or.reduce(near) if near else np.zeros(len(time), np.bool_)
+
+
+def within(spans: Sequence[tuple[float, float]], time: Floats) -> Bools:
+    """Spans [s], (T,) s -> (T,): which moments lie in one of them."""
+    inside = [(time >= start) & (time <= end) for start, end in spans]
+    return np.logical_or.reduce(inside) if inside else np.zeros(len(time), np.bool_)
 
 
 def idle(time: Floats, nu: Floats, thrust: Bools) -> Bools:
@@ -191,6 +200,35 @@ class Exclusion:
     start: float
     end: float
     recording: str | None = None
+
+
+def excluded_summary(trials: Sequence[Trial]) -> str:
+    """What excluded how much: "disarmed 153 s, …"; empty where nothing was excluded. What excluded
+    less than half a second is not told beside the rest.
+    """
+    lost: dict[str, float] = {}
+    for stretch in (stretch for trial in trials for stretch in trial.excluded):
+        lost[stretch.why] = lost.get(stretch.why, 0.0) + stretch.end - stretch.start
+    told = {why: length for why, length in lost.items() if round(length)} or lost
+    return ", ".join(f"{why} {length:.0f} s" for why, length in told.items())
+
+
+# A voyage whose outputs were thinned: its own vessel errs by 2.0 floors at 1 Hz, 1.25 at 2 Hz, as
+# much as noise at 4 Hz.
+SELDOM_HZ, ENOUGH_HZ = 1.8, 4.0
+
+
+def told_too_seldom(choices: Mapping[str, Choice]) -> list[str]:
+    """That outputs are told so seldom that nobody knows what the motors did between; a table may
+    hold them until they change.
+    """
+    hz = choices["commands"].rate_hz if "commands" in choices else 0.0
+    if not 0.0 < hz < SELDOM_HZ:
+        return []
+    return [
+        f"outputs are told at {hz:.2g} Hz: what the motors did between is not known, and errors "
+        f"that look like an effect may be that ({ENOUGH_HZ:g} Hz are enough)"
+    ]
 
 
 def parse_exclusions(texts: Iterable[str]) -> tuple[Exclusion, ...]:

@@ -15,7 +15,7 @@ from gateway.figures import motion_texts
 from gateway.figures.words import nowhere_text
 from gateway.offline.beside_loop import BesideLoop
 from gateway.terminal import ResultConsole
-from sim.comparison.compare import Comparison, improvements
+from sim.comparison.compare import Comparison, by_trial, improvements
 from sim.comparison.missions import MissionComparison, Parting
 
 WORST = 5  # regimes that are named
@@ -24,8 +24,8 @@ WORST = 5  # regimes that are named
 def show_comparisons(found: Sequence[Comparison], pictures: Path | None) -> None:
     """All comparisons: errors beside the floor, then where each vessel is worst."""
     out = ResultConsole()
-    for log in dict.fromkeys(one.log for one in found):
-        out.print(_table([one for one in found if one.log == log]))
+    for group in by_trial(found):
+        out.print(_table(group))
     out.print(
         "nrmse: error of free predictions over the horizon, in standard deviations of the motion; "
         "at the floor it is noise. A free run starts once and is never corrected."

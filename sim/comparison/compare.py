@@ -356,10 +356,15 @@ class Improvement:
 
 def improvements(found: Sequence[Comparison]) -> list[Improvement]:
     """Every further vessel of each recording beside the first one."""
-    by_log: dict[str, list[Comparison]] = {}
+    return [improvement(group[0], other) for group in by_trial(found) for other in group[1:]]
+
+
+def by_trial(found: Sequence[Comparison]) -> list[list[Comparison]]:
+    """Comparisons of one trial together. Two trials may have one name, but never one ruler."""
+    groups: dict[tuple[str, int], list[Comparison]] = {}
     for one in found:
-        by_log.setdefault(one.log, []).append(one)
-    return [improvement(group[0], other) for group in by_log.values() for other in group[1:]]
+        groups.setdefault((one.log, id(one.ruler)), []).append(one)
+    return list(groups.values())
 
 
 def improvement(first: Comparison, second: Comparison) -> Improvement:

@@ -49,6 +49,7 @@ from gateway.ingest.mavlink.frames import (
     walk_records,
 )
 from gateway.ingest.mavlink.mapping import RULES, from_heartbeats, from_motion
+from gateway.ingest.mavlink.senders import SeveralSenders, senders_notice, series_of
 from sim.kernel.compiled import compiled
 from sim.state import Ints
 
@@ -133,6 +134,7 @@ class Frames:
     headers                where each frame and its payload lie, (K,) each
     receive_time_ns  (K,)  int64 Unix ns
     statistics             what was found while they were read
+    several                sources (system, component) that several senders share: how many they are
     """
 
     data: NDArray[np.uint8]
@@ -140,6 +142,7 @@ class Frames:
     receive_time_ns: Ints
     statistics: Statistics
     _groups: tuple[Ints, Ints] = field(repr=False)
+    several: SeveralSenders = field(default_factory=dict)
     _tables: dict[str, Table] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
@@ -211,10 +214,11 @@ def _described(data: NDArray[np.uint8], offset: Ints, times: Ints, tally: Ints) 
             notes = (_flapping(steps),)
     for array in (*headers, times):
         array.setflags(write=False)
-    found = _statistics(data, headers, tally)
+    several = series_of(headers)
+    found = _statistics(data, headers, tally, several)
     statistics = replace(found, time_backwards=backwards, notes=(*notes, *found.notes))
     groups = group(headers.message_id, max(definitions()))
-    return Frames(data, headers, times, statistics, groups)
+    return Frames(data, headers, times, statistics, groups, several)
 
 
 def _by_stamp(times: Ints, sequence: NDArray[np.uint8]) -> Ints:
@@ -227,8 +231,12 @@ def _by_stamp(times: Ints, sequence: NDArray[np.uint8]) -> Ints:
     return np.lexsort((sequence + 256 * turned, times))
 
 
-def _statistics(data: NDArray[np.uint8], headers: Headers, tally: Ints) -> Statistics:
-    lost, late, doubled = continuity(data, headers)
+def _statistics(
+    data: NDArray[np.uint8], headers: Headers, tally: Ints, several: SeveralSenders
+) -> Statistics:
+    """What was found; of sources of several senders frames are lost in each series by itself."""
+    lost, late, doubled = continuity(data, _without(headers, several))
+    lost += sum(lost_of for _, lost_of in several.values())
     return Statistics(
         size_bytes=len(data),
         accepted=len(headers.offset),
@@ -243,6 +251,15 @@ def _statistics(data: NDArray[np.uint8], headers: Headers, tally: Ints) -> Stati
         duplicates=int(doubled),
         notes=(*((_late(int(late)),) if late else ()), *_about_unnumbered(headers)),
     )
+
+
+def _without(headers: Headers, several: SeveralSenders) -> Headers:
+    """The headers of all other sources."""
+    if not several:
+        return headers
+    of_source = headers.system.astype(np.int64) * 256 + headers.component
+    others = ~np.isin(of_source, [system * 256 + component for system, component in several])
+    return Headers._make(column[others] for column in headers)
 
 
 def _present(starts: Ints) -> Ints:
@@ -307,7 +324,9 @@ class MavlinkLog(Log):
         return from_heartbeats(self.table("HEARTBEAT")) or from_motion(self)
 
     def decode(self, boat: Boat) -> BoatSamples:
-        return decode_tables(self, boat, RULES)
+        found = decode_tables(self, boat, RULES)
+        senders, _ = self.frames.several.get((boat.system, boat.component), (1, 0))
+        return replace(found, notices=(*found.notices, *senders_notice(boat, found, senders)))
 
     def listed_parameters(self, boat: Boat) -> list[ListedParameter]:
         """All PARAM_VALUE, also of values told before; PX4 sends whole numbers bit by bit."""

@@ -1,8 +1,10 @@
 """The state that a killed program leaves: whole whatever moment it was killed at."""
 
+from threading import Timer
+
 import pytest
 
-from gateway.errors import ShadowError
+from gateway.errors import BadInput, ShadowError
 from gateway.hil import HEAD, SLOT_BYTES, Checkpoint
 from gateway.vessel_file import load_vessel
 from sim.hil.boat import Boat
@@ -74,3 +76,27 @@ def test_no_file_an_empty_one_and_junk_are_no_state(tmp_path):
 def test_a_folder_in_its_place_is_one_line(tmp_path):
     with pytest.raises(ShadowError, match="cannot keep the state there"):
         Checkpoint(tmp_path, "otter").__enter__()
+
+
+def test_a_file_that_a_running_program_keeps_is_no_other_ones(tmp_path, states, monkeypatch):
+    monkeypatch.setattr("gateway.hil.RELEASE_S", 0.0)
+    path = tmp_path / "otter-hil.state"
+    with Checkpoint(path, "otter") as first:
+        first.keep(10, states[0])
+        before = path.read_bytes()
+        with pytest.raises(BadInput, match=r"another `shadow hil` .*--vessel NAME=FILE"):
+            Checkpoint(path, "otter").__enter__()
+        assert path.read_bytes() == before
+        first.keep(11, states[1])
+    with Checkpoint(path, "otter") as again:
+        assert same(again.state_before(12), states[1])
+
+
+def test_a_program_that_is_just_ending_is_waited_for(tmp_path):
+    path = tmp_path / "otter-hil.state"
+    first = Checkpoint(path, "otter")
+    first.__enter__()
+    ending = Timer(0.3, first.__exit__, (None, None, None))
+    ending.start()
+    with Checkpoint(path, "otter"):
+        assert not ending.is_alive()

@@ -374,8 +374,41 @@ def test_a_port_that_is_taken_is_one_line(plan):
 
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", port_of(plan)))
-        with pytest.raises(ShadowError, match="cannot listen there"), looping([plan]):
+        told = r"cannot listen there: .*; another program has the port: end that one"
+        with pytest.raises(ShadowError, match=told), looping([plan]):
             pass
+
+
+def test_boats_that_cannot_begin_leave_no_files(plan, tmp_path):
+    """One of two has no port: neither waits for anybody, and nothing was recorded."""
+    import socket
+
+    other = replace(plan, endpoint=f"json:127.0.0.1:{free_port()}", name="other")
+    out = LoopOptions(out=tmp_path / "out")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", port_of(plan)))
+        with pytest.raises(ShadowError, match="cannot listen there"), looping([other, plan], out):
+            pass
+    assert not (tmp_path / "out").exists()
+
+
+def test_two_programs_of_one_name_in_one_folder_do_not_share_a_boat(
+    plan, stand_in, tmp_path, monkeypatch
+):
+    """Either would go on where the other's boat was."""
+    monkeypatch.setattr("gateway.hil.RELEASE_S", 0.0)
+    options = LoopOptions(out=tmp_path)
+    other = replace(plan, endpoint=f"json:127.0.0.1:{free_port()}")
+    with looping([plan], options):
+        before = stand_in(plan).sail(AHEAD, 2.0)
+        there = sorted(tmp_path.iterdir())
+        with pytest.raises(BadInput, match="--vessel NAME=FILE"), looping([other], options):
+            pass
+        assert sorted(tmp_path.iterdir()) == there
+    with looping([replace(other, name="another")], options), looping([plan], options):
+        firmware = stand_in(plan)
+        firmware.count = 800
+        assert firmware.frame(AHEAD)["position"] == pytest.approx(before["position"], abs=0.02)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from gateway.ingest.open import open_log
 from gateway.ingest.survey import survey
 from tests.conftest import ROOT
 from tests.gateway.ingest.scripted import Script, attitude, heartbeat, local_position, servo
+from tests.gateway.pipelines.sailing import frames, voyage
 
 
 def thin_telemetry() -> Script:
@@ -134,3 +135,15 @@ NOISE[:, 5:7] *= 0.03  # places that there are: others are refused
 def test_tables_of_any_values_end_in_an_answer(tmp_path: Path, rows: list[str]) -> None:
     found = survey(open_log(table(tmp_path, rows)))
     assert json.dumps(found.to_dict())
+
+
+def test_halves_in_the_wrong_order_are_no_longer_than_the_whole(tmp_path: Path) -> None:
+    """Until the clock is sure of the new boot, a heartbeat lies at the receiver's own time."""
+    sent = frames(voyage(120.0))
+    files = tmp_path / "right.tlog", tmp_path / "swapped.tlog"
+    half = len(sent) // 2
+    for file, parts in zip(files, (sent, sent[half:] + sent[:half]), strict=True):
+        file.write_bytes(b"".join(parts))
+    right, swapped = (survey(open_log(file)).boats[0] for file in files)
+    assert len(swapped.sessions_s) == 2
+    assert swapped.seconds == pytest.approx(right.seconds, abs=3.0)

@@ -19,10 +19,8 @@ from gateway.offline.trials import (
     DEFAULT_TRIALS,
     TrialOptions,
     date_of,
-    excluded_summary,
     load_trials,
     source_of,
-    told_too_seldom,
     trials_of,
 )
 from gateway.simulated_boat.play import write_log
@@ -346,7 +344,7 @@ def test_a_clock_that_counts_from_its_own_start_tells_no_date(start_ns, day) -> 
 def test_what_excluded_less_than_half_a_second_is_told_only_alone(seconds, told) -> None:
     reasons = zip(seconds, ("disarmed", "no 3-D fix"), strict=False)
     stretches = tuple(Stretch(0.0, length, why) for length, why in reasons)
-    assert excluded_summary([SimpleNamespace(excluded=stretches)]) == told
+    assert usable_time.excluded_summary([SimpleNamespace(excluded=stretches)]) == told
 
 
 @pytest.mark.parametrize("name", USABLE)
@@ -453,6 +451,6 @@ def test_outputs_that_are_told_too_seldom_are_a_notice(hz: float, told: bool) ->
     """Of a right model "something is missing that the catalogue does not hold" was all that was
     said.
     """
-    found = told_too_seldom({"commands": SimpleNamespace(rate_hz=hz)})  # type: ignore[dict-item]
+    found = usable_time.told_too_seldom({"commands": SimpleNamespace(rate_hz=hz)})  # type: ignore[dict-item]
     assert [f"outputs are told at {hz:.2g} Hz: " in text for text in found] == [True] * told
-    assert told_too_seldom({}) == []
+    assert usable_time.told_too_seldom({}) == []

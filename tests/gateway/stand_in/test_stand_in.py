@@ -101,3 +101,13 @@ def test_a_boat_that_is_not_there_is_one_line(monkeypatch):
     address = f"127.0.0.1:{free_port()}"
     with JsonClient(address, 50) as client, pytest.raises(ShadowError, match="run shadow hil"):
         client.frame({1: 1500})
+
+
+def test_a_boat_that_falls_silent_is_not_told_as_one_that_never_was(otter, monkeypatch):
+    address = f"127.0.0.1:{free_port()}"
+    with JsonClient(address, 50) as client:
+        with looping([LoopPlan(f"json:{address}", "ferry", otter)]):
+            client.frame({})
+        monkeypatch.setattr(stand_in, "REPLY_S", 0.02)
+        with pytest.raises(ShadowError, match=r"answers no more.*start shadow hil again"):
+            client.frame({})

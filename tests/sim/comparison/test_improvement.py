@@ -76,6 +76,8 @@ def test_each_recording_is_judged_by_itself(found) -> None:
     second = [replace(found[name], log="another") for name in ("far", "truth")]
     told = improvements([found["far"], found["truth"], *second])
     assert [one.log for one in told] == ["voyage", "another"]
+    namesake = replace(found["truth"], ruler=replace(found["truth"].ruler))  # a trial of its own
+    assert improvements([found["far"], namesake]) == []
     entry = told[0].to_dict()
     assert entry["says"] == told[0].sentence
     assert entry["clear"] is True

@@ -1,0 +1,84 @@
+"""Two boats under one system id, and one boat over two links: what is lost, and what is told."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gateway.ingest.mavlink.log import MavlinkLog, tlog_from_bytes
+from gateway.ingest.survey import survey
+from gateway.offline.trials import load_trials
+from tests.gateway.pipelines import sailing
+from tests.gateway.pipelines.sailing import frames, voyage
+
+
+def mixed(*senders: list[bytes]) -> bytes:
+    """Frames of several senders in order of receipt."""
+    return b"".join(sorted((frame for sent in senders for frame in sent), key=lambda raw: raw[:8]))
+
+
+def opened(*senders: list[bytes]) -> MavlinkLog:
+    return tlog_from_bytes(mixed(*senders), "mixed.tlog")
+
+
+def told(log: MavlinkLog) -> list[str]:
+    (boat,) = survey(log).boats
+    return [text for text in boat.notices if "share system id" in text]
+
+
+@pytest.fixture(scope="module")
+def one() -> list[bytes]:
+    return frames(voyage(40.0))
+
+
+def booted_earlier(monkeypatch: pytest.MonkeyPatch, seconds: float) -> list[Any]:
+    monkeypatch.setattr(sailing, "BOOT_S", sailing.BOOT_S + seconds)
+    return voyage(40.0, noise=0.9)
+
+
+@pytest.mark.parametrize("skipped", [0, 10, 100])  # numbers of the second are so far ahead
+def test_two_boats_of_one_id_are_told_and_no_frame_is_lost(
+    one: list[bytes], monkeypatch: pytest.MonkeyPatch, skipped: int, tmp_path: Path
+) -> None:
+    other = frames(booted_earlier(monkeypatch, 900.0))[skipped:]
+    log = opened(one, other)
+    assert log.statistics.lost <= 2
+    (text,) = told(log)
+    assert text.startswith("2 senders share system id 1")
+    assert "SYSID_THISMAV" in text
+    file = tmp_path / "mixed.tlog"
+    file.write_bytes(mixed(one, other))
+    assert all(text in trial.notices for trial in load_trials(file))
+
+
+def test_boats_that_booted_together_are_told_by_their_places(
+    one: list[bytes], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        sailing, "local_position", lambda boot, n, e, *v: LOCAL_POSITION(boot, n + 300.0, e, *v)
+    )
+    assert told(opened(one, frames(booted_earlier(monkeypatch, 0.013))[50:])) != []
+
+
+LOCAL_POSITION = sailing.local_position
+
+
+def test_one_boat_over_two_links_is_one_boat(one: list[bytes]) -> None:
+    """Each link counts its own frames."""
+    log = opened(one, frames(voyage(40.0))[100:])
+    assert log.statistics.lost <= 2
+    assert told(log) == []
+
+
+def test_losses_of_one_sender_are_losses(one: list[bytes]) -> None:
+    keep = np.random.default_rng(3).random(len(one)) > 0.4
+    thinned = [frame for frame, kept in zip(one, keep, strict=True) if kept]
+    log = opened(thinned)
+    assert log.statistics.lost == pytest.approx(len(one) - len(thinned), rel=0.05)
+    assert log.frames.several == {}
+
+
+def test_a_boat_that_boots_again_is_one_sender(one: list[bytes]) -> None:
+    again = b"".join(one[:150]) + b"".join(one[:150])
+    assert tlog_from_bytes(again, "again.tlog").frames.several == {}
