@@ -89,14 +89,23 @@ class Checkpoint:
     def state_before(self, frame: int) -> BoatState | None:
         """Where the boat was when the firmware asked for that frame; None where that is unknown."""
         found = self._found
-        if found is None or found["of"] != self._identity:
-            return None
-        if frame - found["frame"] not in NEXT_FRAMES:
+        if found is None or self.misfit(frame):
             return None
         row = np.array([nan if x is None else x for x in found["row"]])
         past = tuple((time, tuple(commands)) for time, commands in found["past"])
         rest = {name: found[name] for name in ("time", "number", "used_as", "voltage")}
         return BoatState(row=row, past=past, **rest)
+
+    def misfit(self, frame: int) -> str:
+        """Why no boat can go on with that frame; empty where one can."""
+        found = self._found
+        if found is None:
+            return f"{self._path} holds no earlier boat"
+        if found["of"] != self._identity:
+            return f"{self._path} is of another vessel, day or seed"
+        if frame - found["frame"] not in NEXT_FRAMES:
+            return f"{self._path} ends at frame {found['frame']}"
+        return ""
 
     def _newest(self) -> dict[str, Any] | None:
         assert self._map is not None
@@ -252,6 +261,12 @@ class Played:
         if self.sink is not None:
             self.sink.start(state.time)
         return True
+
+    def misfit(self, frame: int) -> str:
+        """Why it cannot go on with that frame."""
+        if self.checkpoint is None:
+            return "where it was is not kept with --no-record or --plant"
+        return self.checkpoint.misfit(frame)
 
     def keep(self, frame: int) -> None:
         """Note where the boat is after a frame."""

@@ -162,8 +162,16 @@ def test_firmware_that_runs_already_is_taken_as_it_is(plan, stand_in):
         firmware = stand_in(plan)
         firmware.count = 5000
         assert firmware.sail(AHEAD, 2.0)["timestamp"][0] == pytest.approx(2.0)
-    assert running.said("frame 5000")
+    (line,) = running.said("frame 5000")
+    assert "the boat begins anew at its start, since where it was is not kept with --no-rec" in line
+    assert line.endswith("will not follow a boat that jumps: restart the firmware")
     assert not running.said("restarted")
+
+
+def test_a_firmware_that_has_just_started_is_not_asked_to_restart(plan, stand_in):
+    with looping([plan]) as running:
+        stand_in(plan).frame(AHEAD)
+    assert running.said("the firmware is there, frame 0")[0].endswith("frame 0")
 
 
 def test_a_boat_goes_on_where_its_program_ended(plan, stand_in, tmp_path):
@@ -185,8 +193,16 @@ def test_a_boat_goes_on_where_its_program_ended(plan, stand_in, tmp_path):
     assert (np.diff(times["vehicle_time_ns"]) > 0).all()
 
 
-@pytest.mark.parametrize("change", ["frame", "seed", "vessel"])
-def test_it_goes_on_for_no_other_frame_seed_or_vessel(plan, stand_in, tmp_path, change):
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ("frame", "ends at frame 799"),
+        ("seed", "is of another vessel, day or seed"),
+        ("vessel", "is of another vessel, day or seed"),
+        ("folder", "holds no earlier boat"),
+    ],
+)
+def test_it_goes_on_for_no_other_frame_seed_or_vessel(plan, stand_in, tmp_path, change, reason):
     with looping([plan], LoopOptions(out=tmp_path)):
         firmware = stand_in(plan)
         firmware.sail(AHEAD, 2.0)
@@ -195,9 +211,12 @@ def test_it_goes_on_for_no_other_frame_seed_or_vessel(plan, stand_in, tmp_path, 
         plan = replace(plan, vessel=replace(OTTER, hull=replace(OTTER.hull, beam=1.2)))
     if change == "frame":
         firmware.count += 1
-    with looping([plan], LoopOptions(out=tmp_path, seed=seed)) as running:
+    out = tmp_path / "other" if change == "folder" else tmp_path
+    with looping([plan], LoopOptions(out=out, seed=seed)) as running:
         assert firmware.frame(AHEAD)["position"] == pytest.approx((0.0, 0.0, 0.0), abs=1e-4)
     assert not running.said("goes on where it was")
+    (line,) = running.said("begins anew at its start")
+    assert f"otter-hil.state {reason}. The firmware's filter will not follow" in line
 
 
 def test_lost_and_late_frames_are_noticed(plan, stand_in):
