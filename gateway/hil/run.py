@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gateway.errors import NUMERICAL_ERRORS, BadInput, ShadowError
+from gateway.files import check_name, named_vessel
 from gateway.hil import Checkpoint, Notices, Played, Session
 from gateway.hil.ahrs import WARNING, AhrsSession, ServoOutputs, check_link
 from gateway.hil.ardupilot_json import JsonSession
@@ -160,9 +161,13 @@ def plans_of(
     plans = []
     for endpoint, given in zip(endpoints, vessels, strict=True):
         protocol_of(endpoint)
-        name, equals, file = given.partition("=")
-        vessel = load(file if equals else given)
-        plans.append(LoopPlan(endpoint, name if equals else zenoh_key(vessel), vessel))
+        name, file = named_vessel(given)
+        if name is not None:
+            check_name(name, f"--vessel {given}: the name")
+        vessel = load(file)
+        key = zenoh_key(vessel) if name is None else name
+        check_name(key, f"{file}: give --vessel NAME=FILE, since its name makes the key")
+        plans.append(LoopPlan(endpoint, key, vessel))
     names = [plan.name for plan in plans]
     if len(set(names)) < len(names):
         raise BadInput(f"two boats of one name ({', '.join(names)}): give --vessel NAME=FILE")

@@ -458,6 +458,25 @@ def test_plans_need_a_vessel_for_each_endpoint_and_names_of_their_own():
             plans_of(ends_given, vessels, load)
 
 
+@pytest.mark.parametrize("name", ["", "a#b", "*", "../up", "x/y", "a\nb"])
+def test_a_name_that_is_no_key_and_no_file_is_refused_before_anything_is_read(name):
+    with pytest.raises(BadInput, match=r"the name .* must not be empty nor contain"):
+        plans_of(["json:127.0.0.1:9002"], [f"{name}=otter"], lambda file: pytest.fail("read"))
+
+
+def test_a_vessel_whose_name_makes_no_key_needs_one():
+    with pytest.raises(BadInput, match="give --vessel NAME=FILE"):
+        plans_of(["json:127.0.0.1:9002"], ["boat"], lambda file: replace(OTTER, name="!?"))
+
+
+def test_a_file_with_an_equals_sign_in_its_name_is_that_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a=b.toml").write_text("")
+    read = []
+    (plan,) = plans_of(["json:127.0.0.1:9002"], ["a=b.toml"], lambda f: read.append(f) or OTTER)
+    assert (read, plan.name) == (["a=b.toml"], "otter")
+
+
 def test_nothing_is_sent_to_anybody_but_who_asked(plan, stand_in):
     """A second socket that has not asked receives nothing, and no answer comes unasked."""
     import socket
