@@ -127,10 +127,10 @@ class JsonSession(Session):
         last, same = self._count, peer == self._peer
         if last is None:
             text = f"the firmware is there, frame {count}{self._joined(count)}"
-            self.played.start("there", text)
+            self.played.start("there", text, under_way=count > 0)
         elif count == 0 or not same:
             text = f"the firmware has restarted, frame {count}: the boat starts anew"
-            self.played.start("restart", text)
+            self.played.start("restart", text, under_way=count > 0)
         elif count < last:
             self.played.count("late", "a packet came twice or too late; it is passed over")
             return False

@@ -284,6 +284,19 @@ def test_an_output_that_the_firmware_does_not_drive_is_said_once(plan, stand_in)
     assert not running.said("output 1 (left) gets no pulses")
 
 
+@pytest.mark.parametrize(("first", "lines"), [(0, 1), (5000, 0)])
+def test_an_output_that_never_moves_is_said_of_firmware_from_its_start_on(
+    plan, stand_in, first, lines
+):
+    with looping([plan]) as running:
+        firmware = stand_in(plan, rate=50)
+        firmware.count = first
+        firmware.sail({1: 1500, 3: 1000}, 20.0)
+        for k in range(600):
+            firmware.frame({1: 1500 + k % 100, 3: 1000})
+    assert len(running.said("output 3 (right) has held 1000 µs")) == lines
+
+
 def test_a_silence_is_said_once_and_again_only_after_the_firmware_was_heard(
     plan, stand_in, monkeypatch
 ):
