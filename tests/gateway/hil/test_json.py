@@ -4,15 +4,17 @@ import math
 import re
 import time
 from dataclasses import replace
+from threading import Event
 
 import numpy as np
 import pytest
 
 from gateway import hil
 from gateway.errors import BadInput, ShadowError
-from gateway.hil import run
+from gateway.hil import hearing
 from gateway.hil.ardupilot_json import JsonSession, MalformedPacket, parse_packet, reply
 from gateway.hil.run import LoopOptions, LoopPlan, plans_of, protocol_of
+from gateway.links.transports import UdpTransport
 from gateway.recording.reader import Recording
 from gateway.vessel_file import load_vessel
 from sim.hil import Readings
@@ -300,7 +302,7 @@ def test_an_output_that_never_moves_is_said_of_firmware_from_its_start_on(
 def test_a_silence_is_said_once_and_again_only_after_the_firmware_was_heard(
     plan, stand_in, monkeypatch
 ):
-    monkeypatch.setattr(run, "SILENT_S", 0.05)
+    monkeypatch.setattr(hearing, "SILENT_S", 0.05)
     monkeypatch.setattr(hil, "QUIET_S", 0.0)
     monkeypatch.setattr(JsonSession, "wait_s", lambda self, now: 0.01)
     with looping([plan]) as running:
@@ -313,8 +315,35 @@ def test_a_silence_is_said_once_and_again_only_after_the_firmware_was_heard(
         assert wait_for(lambda: len(running.said("is silent for")) == 2)
 
 
+def test_a_program_that_was_itself_stopped_does_not_call_the_autopilot_silent(
+    plan, stand_in, monkeypatch
+):
+    """As after SIGSTOP, or when the machine slept: the wait ends late and nothing has come."""
+    monkeypatch.setattr(hearing, "SILENT_S", 0.6)
+    monkeypatch.setattr(hearing, "HELD_UP_S", 0.6)
+    monkeypatch.setattr(JsonSession, "wait_s", lambda self, now: 0.01)
+    receive, stopped = UdpTransport.receive, Event()
+
+    def held_up(transport, seconds):
+        arrivals = receive(transport, seconds)
+        if not arrivals and stopped.is_set():
+            stopped.clear()
+            time.sleep(1.5)
+        return arrivals
+
+    monkeypatch.setattr(UdpTransport, "receive", held_up)
+    with looping([plan]) as running:
+        firmware = stand_in(plan, rate=50)
+        firmware.frame(NEUTRAL)
+        stopped.set()
+        assert wait_for(lambda: running.said("this program itself was stopped or kept waiting for"))
+        firmware.frame(NEUTRAL)
+        assert not running.said("is silent for")
+        assert wait_for(lambda: running.said("is silent for 1 s")), "now it is"
+
+
 def test_firmware_that_does_not_call_may_wait_for_a_ground_station(plan, stand_in, monkeypatch):
-    monkeypatch.setattr("gateway.hil.run.SILENT_S", 0.3)
+    monkeypatch.setattr("gateway.hil.hearing.SILENT_S", 0.3)
     with looping([plan]) as running:
         assert wait_for(lambda: running.said("no ArduPilot has called yet"))
         stand_in(plan).sail(NEUTRAL, 0.5)

@@ -54,12 +54,22 @@ RISING = [(0.5, {MOTOR: 1500.0 + 5.0 * k}) for k in range(80)]
         (OTTER, [(40.0, {}), *STRAIGHT, (60.0, {})]),
         (OTTER, [(40.0, {}), (5.0, {3: 1700.0}), *TURNING, *TURNING]),
         (OTTER, [(40.0, {}), *TURNING, *TURNING]),
+        (OTTER, [(40.0, {3: 1300.0}), *TURNING[:4], *STRAIGHT, *TURNING]),
         (OTTER, [(60.0, {})]),
         (STEERED, [(40.0, {}), *RISING]),
         (STEERED, [(40.0, {RUDDER: 1560.0}), *RISING]),
         (STEERED, [(20.0, {}), (5.0, {MOTOR: 1700.0}), *WEAVING]),
     ],
-    ids=["straight", "a motor held", "one neutral", "holds", "rudder still", "trimmed", "cruise"],
+    ids=[
+        "straight",
+        "a motor held",
+        "one neutral",
+        "unlike trim",
+        "holds",
+        "rudder still",
+        "trimmed",
+        "cruise",
+    ],
 )
 def test_a_boat_that_holds_or_goes_straight_is_no_false_alarm(vessel, phases):
     assert said(vessel, [SETTING_UP, *phases]) == []
