@@ -20,6 +20,7 @@ from gateway.files import check_name, named_vessel
 from gateway.hil import Checkpoint, Notices, Played, Session
 from gateway.hil.ahrs import WARNING, AhrsSession, ServoOutputs, check_link
 from gateway.hil.ardupilot_json import JsonSession
+from gateway.hil.day_file import wind_told
 from gateway.hil.hearing import Hearing
 from gateway.hil.px4 import Px4Session
 from gateway.hil.recording import TruthOnBus, TruthRecording, loop_recorder
@@ -231,6 +232,8 @@ class BoatLoop:
             )
             self.recording = scope.enter_context(RecordingThread(recorder))
             self.played.sink = self._truth = TruthRecording(name, self.recording, time.time_ns())
+        if wind := wind_told(options.day, self.played.boat.vessel, options.plant):
+            self.notices.say("wind", wind)
         self.notices.say("listening", f"waiting for an autopilot on {self.plan.endpoint}")
 
     def close(self) -> None:

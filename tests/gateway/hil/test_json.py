@@ -535,8 +535,9 @@ def test_nothing_is_sent_to_anybody_but_who_asked(plan, stand_in):
 
 
 def test_true_wind_and_the_vane_agree_when_the_boat_lies_still(plan, stand_in):
-    with looping([plan], LoopOptions(day=Day(wind=Wind(6.0, math.pi / 2)))):
+    with looping([plan], LoopOptions(day=Day(wind=Wind(6.0, math.pi / 2)))) as running:
         values = stand_in(plan).frame(NEUTRAL)
+        assert running.said("the day's wind of 6 m/s turns the wind vane and pushes nothing")
         assert values["velocity_wind"] == pytest.approx((0.0, -6.0, 0.0), abs=1e-9)
         assert values["direction"][0] == pytest.approx(math.pi / 2)  # bow north: on starboard
         assert values["speed"][0] == pytest.approx(6.0)
