@@ -16,6 +16,7 @@ from gateway.toml_file import MAX_TOLD, explain, read_toml, shortened, validated
 from gateway.user_effects import known_effects
 from gateway.vessel_file import check_effect, no_effect
 from gateway.vessel_tables import Bearing, StrictTable, Word
+from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect, Need
 from sim.hil.day import Day, Moment, Wind
 from sim.near_names import did_you_mean
@@ -152,6 +153,12 @@ def _numbers(key: str, values: Mapping[str, Any]) -> dict[str, float]:
     return {name: float(value) for name, value in values.items()}
 
 
+def _is_steady_wind(effect: Effect) -> bool:
+    """Whether it is wind alone, of a speed from a direction, and nothing of when."""
+    given = {parameter.name for parameter in effect.parameters if parameter.default is None}
+    return Need.WIND_AREA in effect.needs and given == {"speed", "direction"}
+
+
 def wind_told(day: Day, boat: Vessel, plant: PlantChoice = OWN_VESSEL) -> str:
     """That the day's wind pushes nothing, or on which areas it acts that nobody gave; else empty.
 
@@ -165,9 +172,10 @@ def wind_told(day: Day, boat: Vessel, plant: PlantChoice = OWN_VESSEL) -> str:
     felt = any(Need.WIND_AREA in added.effect.needs for v in vessels for added in v.effects)
     if felt or plant.table or strongest.speed <= 0.0:
         return ""
+    pushed = next(effect for effect in EFFECTS if _is_steady_wind(effect))
     return (
         f"the day's wind of {strongest.speed:g} m/s turns the wind vane and pushes nothing, since "
         "the vessel has no effect for wind: to have it pushed, add [[effects]] to the day with "
-        f'type = "steady_wind", speed = {strongest.speed:g} and direction = '
+        f'type = "{pushed.name}", speed = {strongest.speed:g} and direction = '
         f"{strongest.direction:g}"
     )
