@@ -21,6 +21,7 @@ import zenoh
 from zenoh import ext
 
 from gateway.errors import BadInput, ShadowError
+from gateway.files import check_name
 from gateway.json_rows import TopicRows
 from gateway.keelson import KeelsonPublisher
 from gateway.topics import TOPICS, Overflow, Topic
@@ -239,7 +240,7 @@ class Bus:
         self.others = False  # does another gateway publish under the same name?
 
     def __enter__(self) -> Self:
-        _check_name(self._vessel)
+        check_name(self._vessel, "vessel name")
         with ExitStack() as scope:
             session = self._given or scope.enter_context(open_session(self._settings))
             for name, topic in TOPICS.items():
@@ -307,9 +308,3 @@ class Bus:
 
         queryable = session.declare_queryable(key, answer, complete=True)
         scope.callback(queryable.undeclare)
-
-
-def _check_name(name: str) -> None:
-    """A vessel's name becomes one part of a key: it must not hold what keys use otherwise."""
-    if not name or any(letter in name for letter in "/*$?#@"):
-        raise BadInput(f"vessel name {name!r}: must not be empty nor contain / * $ ? # @")

@@ -37,6 +37,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError, with_config
 from gateway.bus import DEFAULT_ENDPOINT, BusSettings
 from gateway.errors import BadInput
 from gateway.estimation import FilterSettings, WhiteNoise
+from gateway.files import check_name
 from gateway.ingest.mcap import MAGIC
 from gateway.keelson import check_base
 from gateway.links.rate_requests import FULL_HZ, PRESETS, check_rates
@@ -94,15 +95,6 @@ class StudioSettings:
             return f"tiles/{zoom}/{x}/{y}"
         address = self.tiles.replace("{Z}", str(zoom))
         return address.replace("{X}", str(x)).replace("{Y}", str(y))
-
-
-NOT_IN_NAMES = "/*$?#@"  # special in keys of zenoh, and in paths
-
-
-def check_name(name: str, where: str) -> None:
-    """BadInput where a boat cannot have that name on zenoh."""
-    if not name or set(name) & set(NOT_IN_NAMES):
-        raise BadInput(f"{where} {name!r}: must not be empty nor contain {' '.join(NOT_IN_NAMES)}")
 
 
 @dataclass(frozen=True)

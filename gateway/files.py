@@ -311,3 +311,24 @@ def vessel_path(given: str | Path) -> Path:
     if not file.exists() and name in vessel_names():
         return VESSELS / f"{name}.toml"
     return file
+
+
+def named_vessel(given: str) -> tuple[str | None, str]:
+    """`[NAME=]FILE` -> the name, if there is one, and the file.
+
+    A file that is called so as a whole, with its `=`, goes first.
+    """
+    name, mark, file = given.partition("=")
+    return (name, file) if mark and not Path(given).exists() else (None, given)
+
+
+NOT_IN_NAMES = "/*$?#@"  # special in keys of zenoh, and in paths
+
+
+def check_name(name: str, where: str) -> None:
+    """BadInput where a boat cannot have that name: it becomes a part of a key, and of files."""
+    if not name or set(name) & set(NOT_IN_NAMES) or not name.isprintable():
+        raise BadInput(
+            f"{where} {name!r}: must not be empty nor contain {' '.join(NOT_IN_NAMES)} or what "
+            "cannot be printed"
+        )

@@ -111,12 +111,11 @@ def ask_about_vessels(given: dict[str, Any]) -> None:
 
 def _questions(given: str) -> list[str]:
     """Those about one file; of one that cannot be read the command itself tells."""
-    from gateway.files import vessel_path
+    from gateway.files import named_vessel, vessel_path
     from gateway.vessel_file import read_vessel_file
     from gateway.vessel_questions import questions
 
-    file = vessel_path(given)
-    file = file if file.exists() else vessel_path(given.partition("=")[2])  # BOAT=FILE
+    file = vessel_path(named_vessel(given)[1])
     try:
         return list(questions(read_vessel_file(file))) if file.is_file() else []
     except BadInput:

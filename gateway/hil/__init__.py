@@ -26,6 +26,7 @@ import numpy as np
 import orjson
 
 from gateway.errors import BadInput, ShadowError
+from gateway.hil.outputs import OutputCheck
 from gateway.links import Peer
 from sim.hil import Readings
 from sim.hil.boat import Boat, BoatState, Truth
@@ -89,14 +90,23 @@ class Checkpoint:
     def state_before(self, frame: int) -> BoatState | None:
         """Where the boat was when the firmware asked for that frame; None where that is unknown."""
         found = self._found
-        if found is None or found["of"] != self._identity:
-            return None
-        if frame - found["frame"] not in NEXT_FRAMES:
+        if found is None or self.misfit(frame):
             return None
         row = np.array([nan if x is None else x for x in found["row"]])
         past = tuple((time, tuple(commands)) for time, commands in found["past"])
         rest = {name: found[name] for name in ("time", "number", "used_as", "voltage")}
         return BoatState(row=row, past=past, **rest)
+
+    def misfit(self, frame: int) -> str:
+        """Why no boat can go on with that frame; empty where one can."""
+        found = self._found
+        if found is None:
+            return f"{self._path} holds no earlier boat"
+        if found["of"] != self._identity:
+            return f"{self._path} is of another vessel, day or seed"
+        if frame - found["frame"] not in NEXT_FRAMES:
+            return f"{self._path} ends at frame {found['frame']}"
+        return ""
 
     def _newest(self) -> dict[str, Any] | None:
         assert self._map is not None
@@ -128,10 +138,6 @@ def _locked(file: IO[bytes]) -> bool:
 
 
 QUIET_S = 10.0  # between two lines about the same thing
-CHECK_AFTER_S = 20.0  # of the boat's time: by then the firmware drives its outputs
-DRIVEN_US = 20.0  # an output that has moved by so much is driven
-PLAUSIBLE_US = (500.0, 2500.0)
-NO_PULSE = (0.0, 65535.0)
 
 
 class TruthSink(Protocol):
@@ -173,53 +179,6 @@ class Notices:
             self._progress(f"{self._name}: {text}")
 
 
-class OutputCheck:
-    """Compares the outputs that the firmware drives with those that the vessel has."""
-
-    def __init__(self, boat: Boat, notices: Notices) -> None:
-        self._actuators = {a.servo.channel: a.name for a in boat.vessel.actuators}
-        self._notices = notices
-        self._range: dict[int, tuple[float, float]] = {}
-        self._last: Mapping[int, float] = {}
-        self._checked = False
-
-    def look(self, pulses: Mapping[int, float], time_s: float) -> None:
-        """Note one frame; nothing to do while nothing changes."""
-        if pulses != self._last:
-            self._last = pulses
-            for channel, pulse in pulses.items():
-                self._note(channel, pulse)
-        if not self._checked and time_s > CHECK_AFTER_S:
-            self._checked = True
-            for channel, name in self._actuators.items():
-                if pulses.get(channel, 0.0) in NO_PULSE:  # firmware begins with some everywhere
-                    self._notices.once(
-                        f"idle {channel}",
-                        f"output {channel} ({name}) gets no pulses: set SERVO{channel}_FUNCTION, "
-                        "or the channel in the vessel file",
-                    )
-
-    def _note(self, channel: int, pulse: float) -> None:
-        if pulse in NO_PULSE:
-            return
-        if channel in self._actuators and not PLAUSIBLE_US[0] <= pulse <= PLAUSIBLE_US[1]:
-            self._notices.once(
-                f"pulse {channel}",
-                f"a pulse of {pulse:g} µs on output {channel}: expected {PLAUSIBLE_US[0]:g} … "
-                f"{PLAUSIBLE_US[1]:g}; it is taken as the nearest that the vessel knows",
-            )
-        low, high = self._range.get(channel, (pulse, pulse))
-        low, high = min(low, pulse), max(high, pulse)
-        self._range[channel] = low, high
-        if high - low >= DRIVEN_US and channel not in self._actuators:
-            there = ", ".join(f"{c} ({name})" for c, name in sorted(self._actuators.items()))
-            self._notices.once(
-                f"unknown {channel}",
-                f"the firmware drives output {channel}, where the vessel has nothing: it has "
-                f"{there}; pulses there move nothing",
-            )
-
-
 class Played:
     """A boat that moves when its protocol says so."""
 
@@ -229,14 +188,15 @@ class Played:
         self.name, self.boat, self._notices = name, boat, notices
         self._state = boat.start()
         self.truth: Truth | None = None  # after the last step; other threads may look
-        self._outputs = OutputCheck(boat, notices)
+        self._outputs = OutputCheck(boat.vessel.actuators, notices.once)
         self.frames = self.restarts = 0
         self.seconds = 0.0  # of the boat's time, over all starts
         self.counts: dict[str, int] = {}
 
-    def start(self, kind: str, text: str) -> None:
-        """The boat at rest where the day begins."""
+    def start(self, kind: str, text: str, under_way: bool = False) -> None:
+        """The boat at rest where the day begins; `under_way`: the firmware began earlier."""
         self._notices.say(kind, text)
+        self._outputs.begin(under_way)
         if self.frames:
             self.restarts += 1
             self._state = self.boat.start()
@@ -252,6 +212,12 @@ class Played:
         if self.sink is not None:
             self.sink.start(state.time)
         return True
+
+    def misfit(self, frame: int) -> str:
+        """Why it cannot go on with that frame."""
+        if self.checkpoint is None:
+            return "where it was is not kept with --no-record or --plant"
+        return self.checkpoint.misfit(frame)
 
     def keep(self, frame: int) -> None:
         """Note where the boat is after a frame."""

@@ -126,12 +126,11 @@ class JsonSession(Session):
         """Take note of a new count -> whether to answer it."""
         last, same = self._count, peer == self._peer
         if last is None:
-            goes_on = count > 0 and self.played.resume(count)
-            text = ": the boat goes on where it was" if goes_on else ""
-            self.played.start("there", f"the firmware is there, frame {count}{text}")
+            text = f"the firmware is there, frame {count}{self._joined(count)}"
+            self.played.start("there", text, under_way=count > 0)
         elif count == 0 or not same:
             text = f"the firmware has restarted, frame {count}: the boat starts anew"
-            self.played.start("restart", text)
+            self.played.start("restart", text, under_way=count > 0)
         elif count < last:
             self.played.count("late", "a packet came twice or too late; it is passed over")
             return False
@@ -139,3 +138,15 @@ class JsonSession(Session):
             self.played.notice("gap", f"{count - last - 1} frames of the firmware were lost")
         self._count, self._peer = count, peer
         return True
+
+    def _joined(self, count: int) -> str:
+        """Where the boat of a firmware that has just called begins, as the end of a sentence."""
+        if count == 0:
+            return ""
+        if self.played.resume(count):
+            return ": the boat goes on where it was"
+        return (
+            ": it runs already, and the boat begins anew at its start, since "
+            f"{self.played.misfit(count)}. The firmware's filter will not follow a boat that "
+            "jumps: restart the firmware"
+        )

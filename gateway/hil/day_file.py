@@ -16,11 +16,14 @@ from gateway.toml_file import MAX_TOLD, explain, read_toml, shortened, validated
 from gateway.user_effects import known_effects
 from gateway.vessel_file import check_effect, no_effect
 from gateway.vessel_tables import Bearing, StrictTable, Word
-from sim.effects.effect import Effect
+from sim.effects.catalogue import EFFECTS
+from sim.effects.effect import Effect, Need
 from sim.hil.day import Day, Moment, Wind
 from sim.near_names import did_you_mean
+from sim.plants import OWN_VESSEL, PlantChoice
 from sim.plants.waves import Sea
-from sim.vessel import AddedEffect
+from sim.vessel import AddedEffect, Vessel
+from sim.wind import areas_text
 
 NotNegative = Annotated[float, Ge(0.0)]
 MAX_GAIN = 2.0  # of a thruster: more than twice its thrust is a mistake; chosen
@@ -148,3 +151,31 @@ def _numbers(key: str, values: Mapping[str, Any]) -> dict[str, float]:
                 f"{key}.{shortened(name)} = {shortened(repr(value))}: expected a number"
             )
     return {name: float(value) for name, value in values.items()}
+
+
+def _is_steady_wind(effect: Effect) -> bool:
+    """Whether it is wind alone, of a speed from a direction, and nothing of when."""
+    given = {parameter.name for parameter in effect.parameters if parameter.default is None}
+    return Need.WIND_AREA in effect.needs and given == {"speed", "direction"}
+
+
+def wind_told(day: Day, boat: Vessel, plant: PlantChoice = OWN_VESSEL) -> str:
+    """That the day's wind pushes nothing, or on which areas it acts that nobody gave; else empty.
+
+    `boat` has the effects of the day. What the table of a plant makes of wind is its own business.
+    """
+    winds = [wind for wind in (day.wind, *(moment.wind for moment in day.moments)) if wind]
+    strongest = max(winds, key=lambda wind: wind.speed, default=Wind(0.0, 0.0))
+    vessels = [boat] if plant.vessel is None else [boat, plant.vessel]
+    if boat.assumes_wind_area:
+        return f"{areas_text(*boat.hull.areas)}; give hull.wind_area in the vessel file"
+    felt = any(Need.WIND_AREA in added.effect.needs for v in vessels for added in v.effects)
+    if felt or plant.table or strongest.speed <= 0.0:
+        return ""
+    pushed = next(effect for effect in EFFECTS if _is_steady_wind(effect))
+    return (
+        f"the day's wind of {strongest.speed:g} m/s turns the wind vane and pushes nothing, since "
+        "the vessel has no effect for wind: to have it pushed, add [[effects]] to the day with "
+        f'type = "{pushed.name}", speed = {strongest.speed:g} and direction = '
+        f"{strongest.direction:g}"
+    )

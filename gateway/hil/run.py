@@ -16,9 +16,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gateway.errors import NUMERICAL_ERRORS, BadInput, ShadowError
+from gateway.files import check_name, named_vessel
 from gateway.hil import Checkpoint, Notices, Played, Session
 from gateway.hil.ahrs import WARNING, AhrsSession, ServoOutputs, check_link
 from gateway.hil.ardupilot_json import JsonSession
+from gateway.hil.day_file import wind_told
+from gateway.hil.hearing import Hearing
 from gateway.hil.px4 import Px4Session
 from gateway.hil.recording import TruthOnBus, TruthRecording, loop_recorder
 from gateway.links import Closing, Endpoint, LinkEventKind, Transport, Waker
@@ -36,7 +39,6 @@ DEFAULT_ENDPOINT = "json:127.0.0.1:9002"
 PX4_BAUD = 921600  # of a board in HITL mode
 AHRS_BAUD = 230400  # of an external AHRS: three packets at 100, 50 and 5 Hz take 14 kB/s
 LOOK_S = 0.1  # so often it looks whether it is to stop, and publishes the truth
-SILENT_S = 5.0  # an autopilot that has said nothing for so long is reported
 
 
 class LoopProtocol(NamedTuple):
@@ -160,9 +162,13 @@ def plans_of(
     plans = []
     for endpoint, given in zip(endpoints, vessels, strict=True):
         protocol_of(endpoint)
-        name, equals, file = given.partition("=")
-        vessel = load(file if equals else given)
-        plans.append(LoopPlan(endpoint, name if equals else zenoh_key(vessel), vessel))
+        name, file = named_vessel(given)
+        if name is not None:
+            check_name(name, f"--vessel {given}: the name")
+        vessel = load(file)
+        key = zenoh_key(vessel) if name is None else name
+        check_name(key, f"{file}: give --vessel NAME=FILE, since its name makes the key")
+        plans.append(LoopPlan(endpoint, key, vessel))
     names = [plan.name for plan in plans]
     if len(set(names)) < len(names):
         raise BadInput(f"two boats of one name ({', '.join(names)}): give --vessel NAME=FILE")
@@ -226,6 +232,8 @@ class BoatLoop:
             )
             self.recording = scope.enter_context(RecordingThread(recorder))
             self.played.sink = self._truth = TruthRecording(name, self.recording, time.time_ns())
+        if wind := wind_told(options.day, self.played.boat.vessel, options.plant):
+            self.notices.say("wind", wind)
         self.notices.say("listening", f"waiting for an autopilot on {self.plan.endpoint}")
 
     def close(self) -> None:
@@ -252,29 +260,24 @@ class BoatLoop:
                 self._truth.flush()
 
     def _serve(self) -> None:
-        begun, heard, told = None, time.monotonic(), False
+        hearing = Hearing(self._session, self.notices, time.monotonic())
         while True:
-            arrivals = self._transport.receive(self._session.wait_s(time.monotonic()))
+            wait_s = self._session.wait_s(time.monotonic())
+            arrivals = self._transport.receive(wait_s)
             now = time.monotonic()
+            hearing.waited(wait_s, now)
             for arrival in arrivals:
-                begun, heard, told = begun or now, now, False
+                hearing.heard(now)
                 for answer in self._session.received(arrival.data, arrival.peer, now):
                     self._transport.send(answer, arrival.peer)
                 self._note_latency(time.monotonic() - now)
-                self.wall_s = now - begun
+                self.wall_s = now - (hearing.begun or now)
             peers = self._transport.connected() or ()
             for raw in self._session.due(time.monotonic(), peers):
                 self._transport.send(raw, peers[0])
-                self.wall_s = now - begun if begun is not None else 0.0
-            silent_s = now - heard
-            nobody = begun is None and not (peers and self._session.talks)
-            if nobody and self._session.absent and silent_s > SILENT_S:
-                self.notices.once("absent", self._session.absent)
-            if begun is not None and self._session.talks and not told and silent_s > SILENT_S:
-                told = True
-                self.notices.say("silent", f"the autopilot is silent for {silent_s:.0f} s")
-                if self._truth is not None:
-                    self._truth.flush()
+                self.wall_s = now - (hearing.begun or now)
+            if hearing.look(now, bool(peers)) and self._truth is not None:
+                self._truth.flush()
 
     def _note_latency(self, seconds: float) -> None:
         if len(self.latencies) < MAX_LATENCIES:

@@ -10,7 +10,7 @@ them: `udpin:127.0.0.1:14550`. A plug-in registers a `LinkSource` under the entr
 import errno
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import lru_cache
@@ -49,14 +49,18 @@ class LinkSource(NamedTuple):
     form: str  # of its connection strings
     description: str
     transport: Callable[[Endpoint], Transport]
+    opening: str = "reading"  # what it does there, before its address: "listening on"
 
 
+LISTENS = "listening on"
 SERIAL_FORM = "/dev/NAME[,BAUD] or serial:/dev/NAME[:BAUD]"
 SOURCES = (
-    LinkSource("udpin", "udpin:HOST:PORT", "wait for datagrams", UdpTransport),
-    LinkSource("udpout", "udpout:HOST:PORT", "speak first to a fixed address", UdpTransport),
-    LinkSource("tcp", "tcp:HOST:PORT", "join a server", TcpClientTransport),
-    LinkSource("tcpin", "tcpin:HOST:PORT", "be the server", TcpServerTransport),
+    LinkSource("udpin", "udpin:HOST:PORT", "wait for datagrams", UdpTransport, LISTENS),
+    LinkSource(
+        "udpout", "udpout:HOST:PORT", "speak first to a fixed address", UdpTransport, "calling"
+    ),
+    LinkSource("tcp", "tcp:HOST:PORT", "join a server", TcpClientTransport, "connecting to"),
+    LinkSource("tcpin", "tcpin:HOST:PORT", "be the server", TcpServerTransport, LISTENS),
     LinkSource("serial", SERIAL_FORM, "a serial port with its baud rate", SerialTransport),
     LinkSource("zenoh", ZENOH_FORM, "a zenoh key with frames: BlueOS", ZenohTransport),
 )
@@ -72,18 +76,32 @@ def known_sources() -> tuple[LinkSource, ...]:
 
 def transport_of(text: str) -> Transport:
     """A connection string -> its transport, still closed; BadInput with the forms that exist."""
-    kind, _, address = text.partition(":")
-    if text.startswith("/"):
-        kind, address = "serial", text
     try:
-        for source in known_sources():
-            if source.kind == ALIASES.get(kind, kind):
-                return source.transport(Endpoint(text, source.kind, address))
-        raise ValueError("not a connection string")
+        source, address = _source_of(text)
+        return source.transport(Endpoint(text, source.kind, address))
     except ValueError as error:
         forms = ", ".join(source.form for source in known_sources())
         short = ", ".join(f"{alias}: is {kind}:" for alias, kind in ALIASES.items())
         raise BadInput(f'endpoint "{text}": {error}; expected {forms}; {short}') from None
+
+
+def _source_of(text: str) -> tuple[LinkSource, str]:
+    """A connection string -> its kind and its address; ValueError where there is no such kind."""
+    kind, _, address = text.partition(":")
+    if text.startswith("/"):
+        kind, address = "serial", text
+    for source in known_sources():
+        if source.kind == ALIASES.get(kind, kind):
+            return source, address
+    raise ValueError("not a connection string")
+
+
+def opening(endpoints: Sequence[str]) -> str:
+    """What a program begins to do on its links, by kind: "listening on A, B, connecting to C"."""
+    by_verb: dict[str, list[str]] = {}
+    for text in endpoints:
+        by_verb.setdefault(_source_of(text)[0].opening, []).append(text)
+    return ", ".join(f"{verb} {', '.join(texts)}" for verb, texts in by_verb.items())
 
 
 BACKOFF_S = (0.25, 0.5, 1.0, 2.0, 5.0)  # between attempts to open a transport again

@@ -28,7 +28,7 @@ from gateway.errors import ShadowError
 from gateway.ingest.log import Boat
 from gateway.json_rows import TopicRows
 from gateway.links import PER_LINK, Datagram, Inbox, Item, LinkEvent
-from gateway.links.link import Link
+from gateway.links.link import Link, opening
 from gateway.links.transmitter import Identity, load_key
 from gateway.live.boats import MAX_LISTED, BoatOutput, BoatPlan, Fleet, LiveBoat
 from gateway.live.outputs import (
@@ -433,7 +433,7 @@ def run_until_stopped(plans: Sequence[BoatPlan], options: LiveOptions, progress:
     with Gateway(plans, options, progress) as gateway:
         gc.collect()
         gc.freeze()  # what was loaded by now stays: it is not searched again and again
-        progress(f"listening on {', '.join(options.endpoints)}; Ctrl-C ends")
+        progress(f"{opening(options.endpoints)}; Ctrl-C ends")
         gateway.run(stop)
     if unfinished := gateway.unfinished():
         raise ShadowError("; ".join(unfinished))

@@ -2,8 +2,9 @@
 
 from collections.abc import Sequence
 
-from gateway.config import BoatSettings, check_name
+from gateway.config import BoatSettings
 from gateway.errors import BadInput
+from gateway.files import check_name, named_vessel
 from gateway.live.boats import BoatPlan
 from gateway.plants import load_plant
 from gateway.vessel_file import load_vessel
@@ -19,8 +20,8 @@ def plans_of(
     played_by = load_plant(plant, effects)
     plans = []
     for text in vessels:
-        number, mark, file = text.partition("=")
-        if not (mark and number.isdecimal()):
+        number, file = named_vessel(text)
+        if number is None or not number.isdecimal():
             number, file = "", text
         elif not 1 <= int(number) <= 254:
             raise BadInput(f"--vessel {text}: expected FILE or SYSID=FILE, SYSID 1 to 254")

@@ -17,7 +17,7 @@ from gateway.errors import BadInput, numerical_errors
 from gateway.figures import FigureData
 from gateway.figures.matplotlib_draw import save_figures
 from gateway.figures.motion import identification_figures, parameter_changes
-from gateway.files import check_place, write_whole
+from gateway.files import check_name, check_place, write_whole
 from gateway.ingest.open import check_each_once
 from gateway.offline.notices import notices_of
 from gateway.offline.trials import DEFAULT_TRIALS, TrialOptions, date_of, usable_trials
@@ -212,6 +212,7 @@ def boats_of(texts: Iterable[str]) -> dict[str, str]:
         name, found, pattern = text.partition("=")
         if not (found and name and pattern):
             raise BadInput(f"--boat {text}: expected NAME=PATTERN, as in heron=heron/*")
+        check_name(name, f"--boat {text}: the name")  # a part of the vessel file's name
         out[pattern] = name
     return out
 

@@ -65,6 +65,7 @@ def test_a_kill_loses_no_more_than_the_last_second(tmp_path):
     [
         ([], "no model of the boat: give --vessel FILE"),
         (["-v", "nowhere"], "cannot read the vessel file"),
+        (["-v", "../up=otter"], "--vessel ../up=otter: the name '../up': must not be empty nor"),
         (["json:127.0.0.1:1", "tcp:x:2", "-v", "a=otter", "-v", "b=otter"], 'endpoint "tcp:x:2"'),
         (["-v", "otter", "--script", "nowhere.toml"], "nowhere.toml: cannot read the day"),
         (["-v", "otter", "--publish", "keelson"], "--publish keelson: expected zenoh or off"),

@@ -1,11 +1,17 @@
 """day.toml: what it says is what the day is; each mistake is one line that names file and key."""
 
+from dataclasses import replace
+
 import pytest
 
 from gateway.errors import BadInput
-from gateway.hil.day_file import load_day
-from sim.hil.day import Wind
+from gateway.hil.day_file import load_day, wind_told
+from gateway.vessel_file import load_vessel
+from sim.hil.boat import Boat
+from sim.hil.day import Day, Moment, Wind, vessel_of_day
+from sim.plants import VESSEL, PlantChoice
 from sim.plants.waves import Sea
+from tests.sim.vessels import WAMV
 
 WHOLE = """
 depth = 8.0
@@ -123,3 +129,46 @@ def test_a_mistake_is_one_line_with_file_and_key(tmp_path, text, wrong):
 def test_a_day_that_is_not_there(tmp_path):
     with pytest.raises(BadInput, match="cannot read the day"):
         load_day(tmp_path / "none.toml")
+
+
+OTTER = load_vessel("otter")  # without areas, and without an effect for wind
+GALE = "[wind]\nspeed = 12.0\ndirection = 1.5\n"
+PUSHING = GALE + '[[effects]]\ntype = "steady_wind"\nspeed = 12\ndirection = 1.5\n'
+
+
+def day_of(tmp_path, text):
+    (tmp_path / "day.toml").write_text(text)
+    return load_day(tmp_path / "day.toml")[0]
+
+
+def test_a_wind_that_pushes_nothing_is_told_and_how_it_would(tmp_path):
+    day = day_of(tmp_path, GALE)
+    told = wind_told(day, vessel_of_day(OTTER, day))
+    assert told.startswith("the day's wind of 12 m/s turns the wind vane and pushes nothing")
+    assert told.endswith('with type = "steady_wind", speed = 12 and direction = 1.5')
+    later = Day(moments=(Moment(at=5.0, wind=Wind(7.0, 0.0)),))
+    assert wind_told(later, OTTER).startswith("the day's wind of 7 m/s")
+
+
+def test_what_it_says_to_add_does_push_and_its_areas_are_told(tmp_path):
+    north = []
+    for text in (GALE, PUSHING.replace("1.5", "0.0")):
+        boat = Boat.of(OTTER, day_of(tmp_path, text))
+        state = boat.start()
+        for _ in range(100):
+            state, _, truth = boat.step(state, {}, 0.02)
+        north.append(truth.north)
+    assert north[0] == pytest.approx(0.0, abs=1e-9)
+    assert north[1] < -0.005, "from the north"
+    told = wind_told(boat.day, boat.vessel)
+    assert told.startswith("areas above water assumed from length and beam: frontal 0.216 m²")
+
+
+def test_of_a_wind_that_is_felt_or_not_there_nothing_is_told(tmp_path):
+    gale, pushing = day_of(tmp_path, GALE), day_of(tmp_path, PUSHING)
+    given = vessel_of_day(WAMV, pushing)
+    assert wind_told(pushing, given) == ""
+    assert wind_told(Day(), OTTER) == wind_told(Day(wind=Wind(0.0, 1.0)), OTTER) == ""
+    assert wind_told(gale, OTTER, PlantChoice(VESSEL, given)) == ""
+    assert wind_told(gale, OTTER, PlantChoice(VESSEL, replace(given, effects=()))) != ""
+    assert wind_told(gale, OTTER, PlantChoice(VESSEL, None, "the table of an FMU")) == ""

@@ -4,15 +4,17 @@ import math
 import re
 import time
 from dataclasses import replace
+from threading import Event
 
 import numpy as np
 import pytest
 
 from gateway import hil
 from gateway.errors import BadInput, ShadowError
-from gateway.hil import run
+from gateway.hil import hearing
 from gateway.hil.ardupilot_json import JsonSession, MalformedPacket, parse_packet, reply
 from gateway.hil.run import LoopOptions, LoopPlan, plans_of, protocol_of
+from gateway.links.transports import UdpTransport
 from gateway.recording.reader import Recording
 from gateway.vessel_file import load_vessel
 from sim.hil import Readings
@@ -162,8 +164,16 @@ def test_firmware_that_runs_already_is_taken_as_it_is(plan, stand_in):
         firmware = stand_in(plan)
         firmware.count = 5000
         assert firmware.sail(AHEAD, 2.0)["timestamp"][0] == pytest.approx(2.0)
-    assert running.said("frame 5000")
+    (line,) = running.said("frame 5000")
+    assert "the boat begins anew at its start, since where it was is not kept with --no-rec" in line
+    assert line.endswith("will not follow a boat that jumps: restart the firmware")
     assert not running.said("restarted")
+
+
+def test_a_firmware_that_has_just_started_is_not_asked_to_restart(plan, stand_in):
+    with looping([plan]) as running:
+        stand_in(plan).frame(AHEAD)
+    assert running.said("the firmware is there, frame 0")[0].endswith("frame 0")
 
 
 def test_a_boat_goes_on_where_its_program_ended(plan, stand_in, tmp_path):
@@ -185,8 +195,16 @@ def test_a_boat_goes_on_where_its_program_ended(plan, stand_in, tmp_path):
     assert (np.diff(times["vehicle_time_ns"]) > 0).all()
 
 
-@pytest.mark.parametrize("change", ["frame", "seed", "vessel"])
-def test_it_goes_on_for_no_other_frame_seed_or_vessel(plan, stand_in, tmp_path, change):
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ("frame", "ends at frame 799"),
+        ("seed", "is of another vessel, day or seed"),
+        ("vessel", "is of another vessel, day or seed"),
+        ("folder", "holds no earlier boat"),
+    ],
+)
+def test_it_goes_on_for_no_other_frame_seed_or_vessel(plan, stand_in, tmp_path, change, reason):
     with looping([plan], LoopOptions(out=tmp_path)):
         firmware = stand_in(plan)
         firmware.sail(AHEAD, 2.0)
@@ -195,9 +213,12 @@ def test_it_goes_on_for_no_other_frame_seed_or_vessel(plan, stand_in, tmp_path, 
         plan = replace(plan, vessel=replace(OTTER, hull=replace(OTTER.hull, beam=1.2)))
     if change == "frame":
         firmware.count += 1
-    with looping([plan], LoopOptions(out=tmp_path, seed=seed)) as running:
+    out = tmp_path / "other" if change == "folder" else tmp_path
+    with looping([plan], LoopOptions(out=out, seed=seed)) as running:
         assert firmware.frame(AHEAD)["position"] == pytest.approx((0.0, 0.0, 0.0), abs=1e-4)
     assert not running.said("goes on where it was")
+    (line,) = running.said("begins anew at its start")
+    assert f"otter-hil.state {reason}. The firmware's filter will not follow" in line
 
 
 def test_lost_and_late_frames_are_noticed(plan, stand_in):
@@ -265,10 +286,23 @@ def test_an_output_that_the_firmware_does_not_drive_is_said_once(plan, stand_in)
     assert not running.said("output 1 (left) gets no pulses")
 
 
+@pytest.mark.parametrize(("first", "lines"), [(0, 1), (5000, 0)])
+def test_an_output_that_never_moves_is_said_of_firmware_from_its_start_on(
+    plan, stand_in, first, lines
+):
+    with looping([plan]) as running:
+        firmware = stand_in(plan, rate=50)
+        firmware.count = first
+        firmware.sail({1: 1500, 3: 1000}, 20.0)
+        for k in range(600):
+            firmware.frame({1: 1500 + k % 100, 3: 1000})
+    assert len(running.said("output 3 (right) has held 1000 µs")) == lines
+
+
 def test_a_silence_is_said_once_and_again_only_after_the_firmware_was_heard(
     plan, stand_in, monkeypatch
 ):
-    monkeypatch.setattr(run, "SILENT_S", 0.05)
+    monkeypatch.setattr(hearing, "SILENT_S", 0.05)
     monkeypatch.setattr(hil, "QUIET_S", 0.0)
     monkeypatch.setattr(JsonSession, "wait_s", lambda self, now: 0.01)
     with looping([plan]) as running:
@@ -281,8 +315,35 @@ def test_a_silence_is_said_once_and_again_only_after_the_firmware_was_heard(
         assert wait_for(lambda: len(running.said("is silent for")) == 2)
 
 
+def test_a_program_that_was_itself_stopped_does_not_call_the_autopilot_silent(
+    plan, stand_in, monkeypatch
+):
+    """As after SIGSTOP, or when the machine slept: the wait ends late and nothing has come."""
+    monkeypatch.setattr(hearing, "SILENT_S", 0.6)
+    monkeypatch.setattr(hearing, "HELD_UP_S", 0.6)
+    monkeypatch.setattr(JsonSession, "wait_s", lambda self, now: 0.01)
+    receive, stopped = UdpTransport.receive, Event()
+
+    def held_up(transport, seconds):
+        arrivals = receive(transport, seconds)
+        if not arrivals and stopped.is_set():
+            stopped.clear()
+            time.sleep(1.5)
+        return arrivals
+
+    monkeypatch.setattr(UdpTransport, "receive", held_up)
+    with looping([plan]) as running:
+        firmware = stand_in(plan, rate=50)
+        firmware.frame(NEUTRAL)
+        stopped.set()
+        assert wait_for(lambda: running.said("this program itself was stopped or kept waiting for"))
+        firmware.frame(NEUTRAL)
+        assert not running.said("is silent for")
+        assert wait_for(lambda: running.said("is silent for 1 s")), "now it is"
+
+
 def test_firmware_that_does_not_call_may_wait_for_a_ground_station(plan, stand_in, monkeypatch):
-    monkeypatch.setattr("gateway.hil.run.SILENT_S", 0.3)
+    monkeypatch.setattr("gateway.hil.hearing.SILENT_S", 0.3)
     with looping([plan]) as running:
         assert wait_for(lambda: running.said("no ArduPilot has called yet"))
         stand_in(plan).sail(NEUTRAL, 0.5)
@@ -439,6 +500,25 @@ def test_plans_need_a_vessel_for_each_endpoint_and_names_of_their_own():
             plans_of(ends_given, vessels, load)
 
 
+@pytest.mark.parametrize("name", ["", "a#b", "*", "../up", "x/y", "a\nb"])
+def test_a_name_that_is_no_key_and_no_file_is_refused_before_anything_is_read(name):
+    with pytest.raises(BadInput, match=r"the name .* must not be empty nor contain"):
+        plans_of(["json:127.0.0.1:9002"], [f"{name}=otter"], lambda file: pytest.fail("read"))
+
+
+def test_a_vessel_whose_name_makes_no_key_needs_one():
+    with pytest.raises(BadInput, match="give --vessel NAME=FILE"):
+        plans_of(["json:127.0.0.1:9002"], ["boat"], lambda file: replace(OTTER, name="!?"))
+
+
+def test_a_file_with_an_equals_sign_in_its_name_is_that_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a=b.toml").write_text("")
+    read = []
+    (plan,) = plans_of(["json:127.0.0.1:9002"], ["a=b.toml"], lambda f: read.append(f) or OTTER)
+    assert (read, plan.name) == (["a=b.toml"], "otter")
+
+
 def test_nothing_is_sent_to_anybody_but_who_asked(plan, stand_in):
     """A second socket that has not asked receives nothing, and no answer comes unasked."""
     import socket
@@ -455,8 +535,9 @@ def test_nothing_is_sent_to_anybody_but_who_asked(plan, stand_in):
 
 
 def test_true_wind_and_the_vane_agree_when_the_boat_lies_still(plan, stand_in):
-    with looping([plan], LoopOptions(day=Day(wind=Wind(6.0, math.pi / 2)))):
+    with looping([plan], LoopOptions(day=Day(wind=Wind(6.0, math.pi / 2)))) as running:
         values = stand_in(plan).frame(NEUTRAL)
+        assert running.said("the day's wind of 6 m/s turns the wind vane and pushes nothing")
         assert values["velocity_wind"] == pytest.approx((0.0, -6.0, 0.0), abs=1e-9)
         assert values["direction"][0] == pytest.approx(math.pi / 2)  # bow north: on starboard
         assert values["speed"][0] == pytest.approx(6.0)

@@ -196,7 +196,7 @@ def test_firmware_that_comes_again_finds_the_boat_at_its_start(plan, stand_in):
 
 def test_firmware_that_does_not_come_may_be_one_that_ran_before(plan, stand_in, monkeypatch):
     """PX4 as a program opens its simulator's link once: after a kill of `hil` it waits for ever."""
-    monkeypatch.setattr("gateway.hil.run.SILENT_S", 0.3)
+    monkeypatch.setattr("gateway.hil.hearing.SILENT_S", 0.3)
     with looping([plan]) as running:
         assert wait_for(lambda: running.said("no PX4 has connected yet"))
         firmware = stand_in(plan)
@@ -205,7 +205,7 @@ def test_firmware_that_does_not_come_may_be_one_that_ran_before(plan, stand_in, 
 
 
 def test_firmware_that_is_there_is_not_looked_for(plan, stand_in, monkeypatch):
-    monkeypatch.setattr("gateway.hil.run.SILENT_S", 0.3)
+    monkeypatch.setattr("gateway.hil.hearing.SILENT_S", 0.3)
     with looping([plan]) as running:
         firmware = stand_in(plan)
         firmware.sail(0.2, 0.2, 0.5)

@@ -214,7 +214,7 @@ def test_the_boat_sails_by_the_outputs_of_the_board_and_tells_it_so():
 
 def test_a_board_that_does_not_ask_is_to_be_started_again(monkeypatch):
     """Its driver asks once, when it starts: one that ran before `hil` was started stays mute."""
-    monkeypatch.setattr("gateway.hil.run.SILENT_S", 0.3)
+    monkeypatch.setattr("gateway.hil.hearing.SILENT_S", 0.3)
     options = LoopOptions(outputs=f"udpin:127.0.0.1:{free_udp_port()}")
     with Board() as board, Board() as mute:
         plan = LoopPlan(f"ahrs:{mute.device}", "ferry", load_vessel("otter"))
@@ -222,7 +222,7 @@ def test_a_board_that_does_not_ask_is_to_be_started_again(monkeypatch):
             assert wait_for(lambda: running.said("no board has asked yet"))
         assert len(running.said("reboot the board")) == 1
         plan = LoopPlan(f"ahrs:{board.device}", "ferry", load_vessel("otter"))
-        monkeypatch.setattr("gateway.hil.run.SILENT_S", 1.5)
+        monkeypatch.setattr("gateway.hil.hearing.SILENT_S", 1.5)
         with looping([plan], options) as running:
             board.ask()
             board.listen(2.0)

@@ -1,12 +1,13 @@
 """The table of live sources: every form of a connection string, and one line for what is none."""
 
 import socket
+from unittest.mock import MagicMock
 
 import pytest
 
 from gateway.errors import BadInput
 from gateway.links import Endpoint, Waker, link
-from gateway.links.link import ALIASES, SOURCES, LinkSource, transport_of
+from gateway.links.link import ALIASES, SOURCES, LinkSource, opening, transport_of
 from gateway.links.transports import (
     AT_ONCE,
     DEFAULT_BAUD,
@@ -17,6 +18,7 @@ from gateway.links.transports import (
     free_udp_port,
 )
 from gateway.links.zenoh_key import ZenohTransport
+from gateway.live import gateway
 from tests.conftest import ROOT
 
 
@@ -76,6 +78,47 @@ def test_a_zenoh_key_and_its_router(text, key, router, answer):
     assert (transport.key, transport.router, transport.answer_key) == (key, router, answer)
     assert not transport.listens
     assert not transport.speaks_first
+
+
+@pytest.mark.parametrize(
+    ("endpoints", "says"),
+    [
+        (["tcp:h:5760"], "connecting to tcp:h:5760"),
+        (["udp:h:1", "tcp:h:2", "tcpin:h:3"],
+         "listening on udp:h:1, tcpin:h:3, connecting to tcp:h:2"),
+        (["/dev/ttyUSB0,57600", "zenoh:a/out"], "reading /dev/ttyUSB0,57600, zenoh:a/out"),
+        (["udpout:h:1"], "calling udpout:h:1"),
+    ],
+)  # fmt: skip
+def test_what_a_program_begins_to_do_on_its_links_is_true(endpoints, says):
+    assert opening(endpoints) == says
+
+
+def test_live_says_that_it_dials_where_it_does(monkeypatch):
+    class Nothing:
+        def __init__(self, plans, options, progress):
+            pass
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            pass
+
+        def run(self, stop):
+            pass
+
+        def unfinished(self):
+            return []
+
+    said = []
+    for name, stand_in in (
+        ("Gateway", Nothing), ("stop_on_signals", lambda: None), ("gc", MagicMock()),
+        ("sys", MagicMock()),
+    ):  # fmt: skip
+        monkeypatch.setattr(gateway, name, stand_in)
+    gateway.run_until_stopped([], gateway.LiveOptions(("tcp:h:5760",), None), said.append)
+    assert "connecting to tcp:h:5760; Ctrl-C ends" in said
 
 
 def test_a_plug_in_adds_a_kind_of_link(monkeypatch):

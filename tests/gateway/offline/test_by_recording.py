@@ -24,6 +24,8 @@ def test_the_first_pattern_that_fits_says_whose_recording_it_is() -> None:
     assert boat_of(Path("logs/2_o.BIN"), boats) == "otter"
     with pytest.raises(BadInput, match=r"x\.tlog: fits none of --boat heron/\*, \*_o\.BIN"):
         boat_of("x.tlog", boats)
+    with pytest.raises(BadInput, match=r"the name '\.\./heron': must not be empty nor contain /"):
+        boats_of(["../heron=heron/*"])
     with pytest.raises(BadInput, match="expected NAME=PATTERN"):
         boats_of(["heron"])
 

@@ -155,6 +155,15 @@ def test_vessels_by_system_id_on_the_command_line(files: tuple[str, str]) -> Non
     ]  # fmt: skip
 
 
+def test_a_file_that_is_called_like_a_system_is_that_file(
+    files: tuple[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "1=b.toml").write_bytes(Path(files[1]).read_bytes())
+    (plan,) = plans_of(["1=b.toml"], None, None, ())
+    assert (plan.vessel.name, plan.system) == ("IAcquaBot", None)
+
+
 @pytest.mark.parametrize("name", ["", "a/b", "*", "shadow#1"])
 def test_a_name_that_is_no_key_is_one_line_at_the_start(files: tuple[str, str], name: str) -> None:
     with pytest.raises(BadInput, match="--name"):
