@@ -25,6 +25,7 @@ from scipy.special import fdtrc, stdtrit
 
 from sim.effects.catalogue import EFFECTS
 from sim.identification import IdentifySettings
+from sim.identification.at_rest import axes_at_rest
 from sim.identification.identify import FITS, MIN_USABLE_S, fitted_model
 from sim.identification.intervals import NUISANCE, named_covariance, uncertainty_of
 from sim.identification.parameters import Unknown, unknowns_of
@@ -136,9 +137,12 @@ class ByRecording:
 def fit_recording(
     trial: Trial, vessel: Vessel, boat: str, settings: IdentifySettings
 ) -> RecordingFit:
-    """The numbers of one recording alone; a current of its day is fitted along."""
+    """The numbers of one recording alone; a current of its day is fitted along.
+
+    Of an axis along which it is at rest it has next to nothing to say.
+    """
     require_finite(trial)
-    vessel, settings = _with_day(vessel, settings)
+    vessel, settings = _with_day(vessel, replace(settings, at_rest=axes_at_rest([trial])))
     unknowns = unknowns_of(Model.of(vessel), 1, settings)
     fit = FITS[settings.method](FitInputs(unknowns, [trial], settings), None, lambda _: None)
     uncertainty = uncertainty_of(unknowns, fit, settings.block)

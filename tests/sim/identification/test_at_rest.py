@@ -7,6 +7,7 @@ import pytest
 
 from sim.identification import BASE, IdentifySettings
 from sim.identification.at_rest import axes_at_rest, axis_of
+from sim.identification.by_recording import fit_recording
 from sim.identification.identify import identify
 from tests.sim.identification.noisy_trials import noisy, off
 from tests.sim.vessels import WAMV
@@ -65,6 +66,15 @@ def test_what_did_not_move_stays_as_it_was_and_is_said(straight):
             assert "turned" in each.doubt
             assert each.ci95[0] < min(truth, before) < max(truth, before) < each.ci95[1]
     assert not any(name in says for says in found.trade for name in ("m33", "N_r", "Y_v"))
+
+
+def test_among_many_recordings_a_straight_one_has_no_say_in_how_the_boat_turns(straight):
+    given = off(WAMV)
+    found = fit_recording(straight, given, "", IdentifySettings())
+    std = dict(zip(found.names, np.sqrt(np.diag(found.covariance)), strict=True))
+    for name in BASE:
+        before = abs(getattr(given.dynamics, name))
+        assert bool(std[name] > before) is (name not in OF_SURGE)
 
 
 def test_who_knows_a_number_is_believed_as_far_as_he_says(straight):
