@@ -235,7 +235,7 @@ PROTOCOLS: tuple[tuple[Callable[[Played], Session], tuple[int, ...]], ...] = (
 def _autopilot(data: bytes) -> None:
     """Bytes of an autopilot to every protocol of the loop: nothing may end it."""
     for protocol, sizes in PROTOCOLS:
-        session = protocol(Played("fuzz", _hull(), Notices("fuzz", lambda line: None), None))
+        session = protocol(Played("fuzz", _hull(), Notices("fuzz", lambda line: None)))
         at, now, peer = 0, 0.0, ("127.0.0.1", 1)
         while at < len(data):
             size = sizes[round(now / 0.02) % len(sizes)]

@@ -114,8 +114,8 @@ HANGS_UP = """
 import os, signal, sys, time
 from gateway import long_running
 long_running.AGAIN_S = 0.0
-if sys.argv[1] == "nohup":
-    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+# whoever runs the tests may have said nohup
+signal.signal(signal.SIGHUP, signal.SIG_IGN if sys.argv[1] == "nohup" else signal.SIG_DFL)
 stop = long_running.stop_on_signals()
 for _ in range(2):
     os.kill(os.getpid(), signal.SIGHUP)
@@ -186,6 +186,8 @@ def test_handlers_are_as_before_and_another_thread_is_left_alone() -> None:
 
 PRESSED = """
 import os, signal, sys
+# a job in the background of a script begins with it ignored
+signal.signal(signal.SIGINT, signal.default_int_handler)
 class Press:
     def find_spec(self, name, *_):
         if name == "gateway.commands":
