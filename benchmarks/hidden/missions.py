@@ -47,23 +47,21 @@ def survey(boat: Boat, dice: Dice) -> Pilot:
 
 def wander(boat: Boat, dice: Dice) -> Pilot:
     """From point to point within a harbour."""
-    seen = yield Stick(0.0, 0.0)
-    here = (seen.north, seen.east)
-    while True:
-        there = (float(dice.uniform(-40.0, 40.0)), float(dice.uniform(-40.0, 40.0)))
-        speed = boat.top_speed() * float(dice.uniform(0.3, 0.85))
-        seen = yield from go(boat, seen, here, there, speed)
-        here = there
+    return _between_points(boat, dice, CALM)
 
 
 def hunting(boat: Boat, dice: Dice) -> Pilot:
-    """From point to point by an autopilot whose steering is set too sharp: it swings to and fro."""
+    """The same by an autopilot whose steering is set too sharp: it swings to and fro."""
+    return _between_points(boat, dice, SHARP)
+
+
+def _between_points(boat: Boat, dice: Dice, gains: Gains) -> Pilot:
     seen = yield Stick(0.0, 0.0)
     here = (seen.north, seen.east)
     while True:
         there = (float(dice.uniform(-40.0, 40.0)), float(dice.uniform(-40.0, 40.0)))
         speed = boat.top_speed() * float(dice.uniform(0.3, 0.85))
-        seen = yield from go(boat, seen, here, there, speed, SHARP)
+        seen = yield from go(boat, seen, here, there, speed, gains)
         here = there
 
 

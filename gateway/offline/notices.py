@@ -13,7 +13,7 @@ from gateway.estimation.gyro_delay import assumed_texts
 from gateway.ingest.log import BoatSamples
 from gateway.ingest.parameter_changes import ALIKE_US, changes_text
 from gateway.ingest.sources import Choice
-from sim.identification.at_rest import axes_at_rest
+from sim.identification.at_rest import AXES_AT_REST, axes_at_rest
 from sim.identification.wiring import wiring_notices, wiring_of
 from sim.state import Floats
 from sim.trial import Trial
@@ -48,7 +48,7 @@ def notices_of(trials: Sequence[Trial], vessel: Vessel) -> tuple[str, ...]:
 def not_tested(trials: Sequence[Trial]) -> list[str]:
     """Which motion of the model these recordings cannot judge, for the boat did not move so."""
     rest = axes_at_rest(trials)
-    if "surge" in rest and "yaw" in rest:
+    if len(rest) == len(AXES_AT_REST):
         return ["the boat hardly moved: these recordings say nothing of the model"]
     if "yaw" in rest:
         return ["the boat hardly turned: whether the model turns as it does is not tested; sail "

@@ -28,15 +28,11 @@ def recording_names(paths: Sequence[str]) -> dict[str, str]:
     A recording that is alone is called as everywhere else, by its file's name without the suffix.
     """
     every = dict.fromkeys(paths)
-    stems, files = Counter(map(_stem, every)), Counter(Path(path).name for path in every)
-
-    def name_of(path: str) -> str:
-        file = Path(path)
-        if stems[_stem(path)] == 1:
-            return _stem(path)
-        return printable(file.name if files[file.name] == 1 else f"{file.name} ({file.parent})")
-
-    return {path: name_of(path) for path in every}
+    stems = Counter(map(_stem, every))
+    return {
+        path: _stem(path) if stems[_stem(path)] == 1 else printable(label)
+        for path, label in zip(every, labels([Path(path) for path in every]), strict=True)
+    }
 
 
 def with_name(trial: Trial, path: str, name: str) -> Trial:

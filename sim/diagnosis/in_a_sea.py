@@ -22,7 +22,7 @@ from sim.diagnosis.heldout import RankedEffect, Ranking
 from sim.diagnosis.ladder import EffectSearch, Selection
 from sim.diagnosis.next_experiment import Refusal
 from sim.diagnosis.residual_terms import swing_period
-from sim.diagnosis.worth import is_at_floor
+from sim.diagnosis.worth import is_at_floor, share_left
 from sim.effects.effect import Effect, Shown
 from sim.identification.runs import MIN_MEANS_TIED
 
@@ -91,9 +91,8 @@ class _SeaSearch(EffectSearch):
     def _takes_most(self, before: Fit, after: Fit) -> bool:
         """Whether half is left at most of the squared error above the noise on unseen time."""
         scorer = self.scorer.shared_with(after)
-        had, left = (scorer.score_fit(fit).nrmse ** 2 for fit in (before, after))
-        floor = min(scorer.noise_floor**2, left)
-        return left - floor < thresholds.MAX_SHARE_LEFT_IN_A_SEA * (had - floor)
+        had, has = (scorer.score_fit(fit).nrmse for fit in (before, after))
+        return share_left(had, has, scorer.noise_floor) < thresholds.MAX_SHARE_LEFT_IN_A_SEA
 
     def _trains(self, steps: list[Ranking], fit: Fit, first: Ranking) -> tuple[list[Ranking], Fit]:
         """Trains of waves beside what was found, as many as are justified."""

@@ -2,8 +2,6 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from sim.comparison.compare import Judgement, judge
 from sim.diagnosis import thresholds
 from sim.diagnosis.answer import LadderStep, Verdict
@@ -12,7 +10,7 @@ from sim.diagnosis.generality import doubt_of_numbers
 from sim.diagnosis.heldout import Gain, RankedEffect, Ranking
 from sim.diagnosis.ladder import Selection
 from sim.diagnosis.residual_terms import Dependence, dependences, without_repeats
-from sim.diagnosis.worth import is_worth_it
+from sim.diagnosis.worth import is_worth_it, share_left
 from sim.effects.effect import Effect
 
 TIME = "time"  # of `force_terms.GROUPS`
@@ -170,9 +168,7 @@ def seen_one_step_ahead(selection: Selection) -> RankedEffect | None:
 
 def unexplained_share(ladder: Sequence[LadderStep], floor: float) -> float:
     """Share of the squared error above the noise that the last step leaves."""
-    first, last = ladder[0].heldout.nrmse ** 2, ladder[-1].heldout.nrmse ** 2
-    above = first - min(floor**2, last)
-    return float(np.clip((last - min(floor**2, last)) / above, 0.0, 1.0)) if above > 0 else 0.0
+    return share_left(ladder[0].heldout.nrmse, ladder[-1].heldout.nrmse, floor)
 
 
 def summary_of(

@@ -34,6 +34,13 @@ def is_at_floor(noise_share: Sequence[float]) -> bool:
     return max(noise_share) < thresholds.MAX_NOISE_SHARE
 
 
+def share_left(before: float, after: float, floor: float) -> float:
+    """Share of the squared error above the noise that is left; 0 where there was none."""
+    noise = min(floor, after) ** 2
+    above = before**2 - noise
+    return min((after**2 - noise) / above, 1.0) if above > 0.0 else 0.0
+
+
 def helps(scorer: HeldOutScorer, before: Sequence[Fit], after: Fit) -> bool:
     """Whether predictions of unseen time become noticeably better than with any of the fits before,
     and than as given; at the noise floor of the first of them more is asked.

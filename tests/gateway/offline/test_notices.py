@@ -105,6 +105,8 @@ def test_what_a_boat_did_not_do_is_not_tested() -> None:
     for trial, told in ((straight, "the boat hardly turned"), (astray, "hardly moved ahead")):
         assert [n for n in notices_of([trial], WAM_V) if told in n]
         assert not [n for n in notices_of([trial, turned], WAM_V) if "hardly" in n]
+    pushed = replace(turned, nu=np.tile([0.0, 1.0, 0.0], (len(turned), 1)))  # by a wind
+    assert [n for n in notices_of([pushed], WAM_V) if "hardly turned" in n]
     (moored,) = [
         n for n in notices_of([replace(turned, nu=0.0 * turned.nu)], WAM_V) if "hardly" in n
     ]
