@@ -62,7 +62,7 @@ class SignalsPage(Page):
         self._log.param.watch(lambda _: self._choose_log(), "value")
         self._search.param.watch(lambda _: self._filter(), "value_input")
         self._every: tuple[str, ...] = ()
-        self._drawn: tuple[SignalRequest, list[int] | None] | None = None  # and what its file was
+        self._drawn: Any = None  # the plots that stand, their request, and what its file was
         self._quiet = False
 
     def body(self) -> Any:
@@ -127,7 +127,7 @@ class SignalsPage(Page):
         if request is None:
             return
         # the reader keeps one answer: who has its own does not ask in turn with another window
-        now = (request, stamp_of(Path(request.path)))
+        now = (self.session.layout.plots, request, stamp_of(Path(request.path)))
         if now == self._drawn:
             return
         reader = self.session.signals

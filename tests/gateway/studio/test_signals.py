@@ -157,6 +157,21 @@ def test_two_windows_with_a_recording_each_are_answered_and_then_there_is_peace(
     assert Path(begun[-1].path).name == "a.tlog"  # another file now
 
 
+def test_plots_of_the_same_fields_come_and_go(tmp_path, monkeypatch):
+    """What is read stays the same; the page took that for nothing new to draw."""
+    session = Session(Folders.of([], [tmp_path], tmp_path / "out"), (), None)
+    page = signals_page.SignalsPage(context_of(session))
+    page._log.options = {"a": str(tmp_path / "a.tlog")}
+    page._log.value = str(tmp_path / "a.tlog")
+    line = Signal(TIME, TIME)
+    for plots in ((("A.x",),), (("A.x",), ("A.x",)), (("A.x",),)):
+        session.set_layout(plots=plots)
+        request = page._request()
+        session.signals.answers[request] = SignalsView(request, ("A.x",), {"A.x": line}, {})
+        page._show()
+        assert len(page._pictures.objects) == len(plots) + 1  # and the place for a new one
+
+
 def test_the_latest_question_is_answered_next(monkeypatch):
     reader, begun = SignalReader(), []
     monkeypatch.setattr(reader.worker, "start", lambda job, task, request: begun.append(request))
