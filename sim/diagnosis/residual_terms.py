@@ -219,18 +219,32 @@ def swing_period(fit: Fit) -> float | None:
 
     None where its spectrum has no hump: half an octave that holds several times the power of the
     octaves on either side, as waves from many directions make it. A train of waves is an effect; of
-    a whole sea only this is seen.
+    a whole sea only this is seen. Of several recordings those that swing are half of the time and
+    more: a pilot who pumps on one of them makes no sea of the others.
     """
-    spectra = [spectrum for k in range(len(fit.problem.trials)) for spectrum in _spectra(fit, k)]
-    best, period = thresholds.MIN_HUMP, None
-    for frequency, power in spectra:
+    humps = [_highest_hump(fit, k) for k in range(len(fit.problem.trials))]
+    rows = [int(trial.usable.sum()) for trial in fit.problem.trials]
+    swing = [hump > thresholds.MIN_HUMP for hump, _ in humps]
+    if 2 * sum(n for n, swings in zip(rows, swing, strict=True) if swings) < sum(rows):
+        return None
+    hump, period = max(humps, default=(0.0, 0.0))
+    return period if hump > thresholds.MIN_HUMP else None
+
+
+def _highest_hump(fit: Fit, trial: int) -> tuple[float, float]:
+    """Power of the highest hump over that beside it, and its period [s]; zeros without a spectrum.
+
+    What is missing in surge and in sway on one trial.
+    """
+    best = (0.0, 0.0)
+    for frequency, power in _spectra(fit, trial):
         for f in FREQUENCIES_HZ:
             around = ((f / 4.0, f / 2.0), (2.0 * f, 4.0 * f))
             beside = max(_mean_power(frequency, power, *band) for band in around)
             hump = _mean_power(frequency, power, f * 2.0**-0.25, f * 2.0**0.25) / beside
-            if hump > best:  # false of NaN: a band without a frequency
-                best, period = hump, float(1.0 / f)
-    return period
+            if hump > best[0]:  # false of NaN: a band without a frequency
+                best = (float(hump), float(1.0 / f))
+    return best
 
 
 def _spectra(fit: Fit, trial: int) -> list[tuple[Floats, Floats]]:

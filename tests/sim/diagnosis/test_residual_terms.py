@@ -145,6 +145,8 @@ def test_a_sea_is_seen_by_the_period_that_what_is_left_swings_with() -> None:
     nu_dot = calm.nu_dot + 0.01 * np.outer((rate * np.cos(turn)).sum(axis=1), sway)
     shaken = replace(calm, nu=nu, nu_dot=nu_dot)
     assert swing_period(base_on(shaken)) == pytest.approx(2.0, abs=0.5)
+    assert swing_period(base_on(shaken, shaken, calm)) == pytest.approx(2.0, abs=0.5)
+    assert swing_period(base_on(shaken, calm, calm)) is None  # one day of three makes no sea
 
 
 @pytest.mark.slow
