@@ -38,6 +38,7 @@ from sim.diagnosis.residual_terms import swing_period
 from sim.diagnosis.screening import Mapper
 from sim.diagnosis.verdict import (
     does_without_effects,
+    is_as_stated,
     is_curve_above_form,
     is_more_than_form,
     seen_one_step_ahead,
@@ -271,6 +272,7 @@ def _in_words(
     return summary_of(
         verdict, found.ladder, found.rivals, found.left, found.told_floor(curve), curve, period,
         doubts.contradictions, doubts.strained, small,
+        drifts=found.is_above and is_as_stated(selection.fit.noise_share),
     )  # fmt: skip
 
 

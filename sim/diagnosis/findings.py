@@ -136,7 +136,7 @@ class Doubts(NamedTuple):
         """About what was found in these trials, with a prior of the base numbers."""
         fit, last = found.selection.fit, found.last
         effects = [a.effect for a in fit.added]
-        above = is_above_noise(effects, found.ladder, found.floor)
+        above = is_above_noise(effects, found.ladder, found.floor, fit.noise_share)
         above = above or is_above_stated(effects, fit.noise_share)
         at_limit = found.is_above and bool(numbers_at_limit(last, prior))
         above = above or (at_limit and not any(e.partial for e in effects))

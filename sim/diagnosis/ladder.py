@@ -74,7 +74,8 @@ class EffectSearch(LikelihoodSearch):
         """What was found, with its last numbers; nothing where it does not help."""
         # one story: what took the place of the first is the first of the ranking that is told
         alone = (s for s in steps if s.reference is first.reference or not s.reference.names)
-        first = next(alone, first)
+        found = (first.led_by(row) for row in first.finalists if row.name in fit.names)
+        first = next(alone, None) or next(found, first)
         if not steps or not self.helps(base, fit):
             return Selection(base, (), (), first)
         self.progress("the numbers, and how sure they are")

@@ -144,6 +144,11 @@ MAX_NOISE_SHARE = 1.0
 MAX_NOISE_SHARE_OF_TURN = 2.0  # the same of the yaw rate, which gusts shake
 MAX_NOISE_SHARE_ALONE = 1.5  # of surge and sway, where no effect was found
 MAX_NOISE_SHARE_WITH_EFFECTS = 2.5  # where some were: nature's own form leaves up to 1.7
+# Of surge and sway, below which free runs alone, without an effect, a curve or a dependence, are no
+# sign that something is missing, up to so many noise floors: errors of the measured velocities that
+# last for seconds (1 s of an EKF, 10 s of a GPS's drift) left an exact model 1.0 and 1.5 floors.
+MAX_NOISE_SHARE_OF_DRIFT = 1.2
+MAX_FLOORS_OF_DRIFT = 2.0
 # Error of a curve over that of the effects in whose place it stands. Of the true effect, on 45
 # tuning voyages: 0.985 and more. Of what stood in for strangers and left no more than noise: 0.957
 # and less on four, more on two.

@@ -36,6 +36,12 @@ def rivals_of(ranking: Ranking, found: Sequence[str] = ()) -> list[RankedEffect]
     return out[: thresholds.MAX_EXPLANATIONS - 1]
 
 
+DRIFT = (
+    "; over ten seconds more is left than noise that comes anew at each moment, from one moment to "
+    "the next no more: so do errors of the measured velocities that last, and weak causes"
+)
+
+
 def verdict_of(
     selection: Selection, rivals: Sequence[Sequence[RankedEffect]], left: Sequence[Dependence],
     above_noise: bool,
@@ -51,8 +57,13 @@ def verdict_of(
     return Verdict.CONFOUNDED if any(rivals) else Verdict.EXPLAINED
 
 
-def is_above_noise(effects: Sequence[Effect], ladder: Sequence[LadderStep], floor: float) -> bool:
+def is_above_noise(
+    effects: Sequence[Effect], ladder: Sequence[LadderStep], floor: float, share: Sequence[float]
+) -> bool:
     """Whether the last step's error cannot be noise, whatever it depends on.
+
+    `share`: of u, v, r, `Diagnosis.noise_share`. Errors of the measured velocities that last for
+    seconds lead a free run astray, and are no more than is stated from one moment to the next.
 
     An effect in nature's own form may leave a few floors, but not much of what it was to explain.
     Beside what is but a part of nature (a train of waves) the error tells little, for the rest of
@@ -63,10 +74,21 @@ def is_above_noise(effects: Sequence[Effect], ladder: Sequence[LadderStep], floo
         return False
     if any(e.partial for e in effects):
         return _is_more_than(thresholds.MAX_SHARE_LEFT_BY_PART, last, floor, ladder, floor)
-    share = _share_of_form(effects)
+    if not effects and last <= thresholds.MAX_FLOORS_OF_DRIFT * floor and is_as_stated(share):
+        return False
+    most = _share_of_form(effects)
     if effects and last <= thresholds.MAX_FLOORS_WITH_EFFECTS * floor:
-        share = max(share, thresholds.MAX_SHARE_LEFT)
-    return _is_more_than(share, last, floor, ladder, floor)
+        most = max(most, thresholds.MAX_SHARE_LEFT)
+    return _is_more_than(most, last, floor, ladder, floor)
+
+
+def is_as_stated(share: Sequence[float]) -> bool:
+    """Whether no more is left from one moment to the next than the recordings state as noise."""
+    *along, turn = share
+    return (
+        max(along) < thresholds.MAX_NOISE_SHARE_OF_DRIFT
+        and turn < thresholds.MAX_NOISE_SHARE_OF_TURN
+    )
 
 
 def does_without_effects(
@@ -175,12 +197,13 @@ def summary_of(
     verdict: Verdict, ladder: Sequence[LadderStep], rivals: Sequence[Sequence[RankedEffect]],
     left: Sequence[Dependence], floor: float, curve: FreeCurve | None = None,
     period: float | None = None, contradictions: Sequence[str] = (), strained: Sequence[str] = (),
-    small: RankedEffect | None = None,
+    small: RankedEffect | None = None, drifts: bool = False,
 ) -> str:  # fmt: skip
     """The answer in one sentence; `period` [s]: that of what is left, where it swings.
 
     `contradictions`: of sensors; what a model of the boat leaves may be theirs. `strained`: numbers
     of what was found that no boat has. `small`: an effect that was not added, though it is seen.
+    `drifts`: over seconds more is left than noise, from moment to moment no more than is stated.
     """
     first, base, last = (ladder[i].heldout.nrmse for i in (0, 1, -1))
     names = " and ".join(ladder[-1].effects)
@@ -190,6 +213,8 @@ def summary_of(
         if ladder[1].base == "kept":
             refit = "no better with the base re-fitted"
         numbers = f"{first:.3f} as given, {refit} (noise {floor:.3f})"
+        if drifts:
+            numbers += DRIFT
         seen = ""
         if small is not None:
             seen = f"; only from one moment to the next is {small.name} seen, with "
