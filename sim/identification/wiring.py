@@ -35,6 +35,7 @@ MIN_BLOCKS = 4
 MIN_CORRELATION = 0.5
 MIN_SLOPE_STDS = 4.0  # standard deviations of the slope
 MIN_COMMAND_STD = 0.03  # of the largest moment or force: less is no excitation
+AHEAD = np.array([1.0, 0.0, 0.0])
 MIN_MOTION_STD = {Nu.R: 0.03, Nu.U: 0.1}  # rad/s, m/s: less is no response
 
 
@@ -173,14 +174,19 @@ def _votes(trials: Sequence[Trial], vessel: Vessel, wrong: tuple[int, ...] = (-1
 
 
 def _response(trial: Trial, model: Model, axis: Nu) -> CommandResponse | None:
-    """Response of one axis of a trial to its commands, in shares of what all thrusters can do."""
+    """Response of one axis of a trial to its commands, in shares of what all thrusters can do.
+
+    Commands as they act on a boat that goes straight: a rudder is a fin too, and where a tight
+    turn drives the water against its other side it brakes the turn that it has begun.
+    """
     largest = sum(
         abs(t.thrust[1]) * (1.0 if axis is Nu.U else float(np.hypot(*t.position)))
         for t in model.vessel.thrusters
     )
     if largest == 0.0:
         return None
-    command = command_forces(trial, model)[:, axis] / largest
+    straight = replace(trial, nu=trial.nu * AHEAD)
+    command = command_forces(straight, model)[:, axis] / largest
     return command_response(command, trial.nu[:, axis], trial.usable, trial.dt, axis)
 
 

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from sim.effects.actuator_wiring import EFFECT as WIRING
 from sim.identification import wiring
@@ -18,7 +19,7 @@ from sim.identification.wiring import (
 from sim.state import Nu
 from sim.vessel import AddedEffect
 from tests.sim.identification.noisy_trials import noisy
-from tests.sim.vessels import WAMV
+from tests.sim.vessels import RUDDER_BOAT, WAMV
 
 
 def plugged(swap=False, turn=False):
@@ -111,6 +112,23 @@ def test_a_boat_that_was_hardly_steered_says_nothing_however_it_turned(steered, 
 def test_a_boat_that_did_not_turn_says_nothing():
     command = np.repeat(np.random.default_rng(4).uniform(-1.0, 1.0, 60), 20)
     assert command_response(command, -0.01 * command, np.ones(1200, bool), 0.1, Nu.R) is None
+
+
+def test_a_rudder_that_a_tight_turn_drives_the_water_against_is_not_reversed():
+    """The boat turns as she is steered, and drifts so far that her rudder brakes the turn."""
+    rng = np.random.default_rng(6)
+    length, servo = 20, RUDDER_BOAT.rudders[0].servo.channel
+    helm = np.repeat(rng.uniform(-1.0, 1.0, 60), length)
+    turn = lfilter([0.1], [1.0, -0.9], helm)
+    one = noisy(WAMV, 120.0)
+    pwm = np.stack([np.full(len(helm), 1700.0), 1500.0 + 400.0 * helm], axis=1)
+    screw = RUDDER_BOAT.thrusters[0].servo.channel
+    trial = replace(
+        one, channels=(screw, servo), pwm=pwm, nu=np.stack([0.0 * turn + 0.8, -turn, turn], axis=1)
+    )
+    for helm_sign in (1, -1):
+        steered = replace(trial, nu=trial.nu * [1.0, helm_sign, helm_sign])
+        assert wiring_of([steered], RUDDER_BOAT).yaw == helm_sign
 
 
 def test_one_motor_the_wrong_way_round_is_told_though_its_force_follows_a_motion_by_chance(
