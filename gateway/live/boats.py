@@ -41,7 +41,7 @@ BLIND_NS, SILENCE_NS, TICK_NS = (round(s * SECOND) for s in (BLIND_S, SILENCE_S,
 TOLD = frozenset({
     "started", "telemetry_silent", "telemetry_back", "sensor_failed", "sensor_restored",
     "model_wrong", "model_explained", "model_right", "residual_unusual", "residual_usual",
-    "shadow_diverged", "shadow_steady", "parameter_changed", "parameter_usual",
+    "shadow_diverged", "shadow_steady", "shadow_reset", "parameter_changed", "parameter_usual",
     "parameter_inseparable",
 })  # fmt: skip
 # breaks of the estimate, printed too, but not all that one cause brings with it

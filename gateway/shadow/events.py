@@ -182,6 +182,12 @@ _DIVERGED = (
     "the shadow left what a boat can do and began anew at the estimate: mass, damping or thrust of "
     "the vessel's model cannot be right",
 )
+_RESET = (
+    "shadow_reset",
+    "warning",
+    "where the vessel's own prediction led is too far off to come back from as a boat moves: the "
+    "shadow was set to the measurement",
+)
 _STEADY = ("shadow_steady", "info", f"the shadow has not diverged for {STEADY_S:.0f} s")
 _RESTART = ("restart", "warning", "the filter started afresh: long silence or a new clock")
 
@@ -224,6 +230,7 @@ class EventDetector:
             events += _changes(out, out.limited, self.limited, _LIMITS)
             diverged_s, divergences = _divergences(out, diverged_s)
             events += divergences
+            events += [EventRow.at(out, int(k), *_RESET) for k in np.flatnonzero(out.reset)]
         now, sensor_events = self._sensors(inputs, rows)
         now, output_events = now._outputs(inputs)
         events += [*sensor_events, *output_events]

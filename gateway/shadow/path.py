@@ -139,7 +139,8 @@ class ShadowRows:
 
     row (K,) is the place of each in the chunk; `fresh` where the estimate rests on measurements,
     `limited` where the plant's thrust limits bind, `jumped` where the estimate is discontinuous,
-    `diverged` where the model or the plant had left what a boat can do and began anew, `fit` where
+    `diverged` where the model or the plant had left what a boat can do and began anew, `reset`
+    where the prediction was too far off to come back and was set to the measurement, `fit` where
     the boat's data are fresh and fit to judge its model by.
     """
 
@@ -157,6 +158,7 @@ class ShadowRows:
     control: Floats
     limited: NDArray[np.bool_]
     diverged: NDArray[np.bool_]
+    reset: NDArray[np.bool_]
     residuals: ModelResiduals
     commands: Floats  # (K, na)
     fit: NDArray[np.bool_]
@@ -171,8 +173,9 @@ class ShadowRows:
         flag = np.zeros(0, np.bool_)
         return cls(
             number, np.zeros(0), number, number, motion, motion, flag, flag, motion, flag, motion,
-            force, flag, flag, ModelResiduals(force, force, force, np.zeros((0, 3 * horizons))),
-            np.zeros((0, 1)), flag,
+            force, flag, flag, flag,
+            ModelResiduals(force, force, force, np.zeros((0, 3 * horizons))), np.zeros((0, 1)),
+            flag,
         )  # fmt: skip
 
 
@@ -292,7 +295,12 @@ class ShadowPath:
         )
         from_model = reference.from_model
         following = self.follower.advance(
-            state.follower, times, reference.references, jumped & ~from_model, voltage, wind
+            state.follower,
+            times,
+            reference.references,
+            (jumped & ~from_model) | reference.reset,
+            voltage,
+            wind,
         )
         residual_state, residuals = self.residuals.advance(
             state.residuals, times, estimate, rows.covariance[chosen], commands, voltage, wind
@@ -320,6 +328,7 @@ class ShadowPath:
                 following.forces,
                 following.limited,
                 following.diverged | reference.diverged,
+                reference.reset,
                 residuals,
                 commands,
                 fit,

@@ -20,7 +20,12 @@ special case K = K_i = 0 here (`Gains.printed`).
 
     |u|, |v| <= MAX_SPEED_MPS,   |r| <= MAX_TURN_RADPS,   all finite
 
-Beyond them a model has diverged: its numbers describe no boat at the motion that was asked of it.
+    |offset| · PEAK_RATE / T <= MAX_RETURN_MPS, MAX_RETURN_RADPS        where it comes back from
+
+Beyond the first two a model has diverged: its numbers describe no boat at the motion that was
+asked of it.
+An offset beyond the last would bring the reference back faster than boats move, sideways too: the
+model ran on alone for long, and the reference is set to the measurement instead.
 """
 
 from typing import NamedTuple
@@ -158,6 +163,9 @@ def commanded_acceleration(
 
 MAX_SPEED_MPS = 150.0  # the fastest boat so far went 142 m/s (Spirit of Australia, 1978)
 MAX_TURN_RADPS = 20.0  # chosen: small racing boats on a short line turn about half as fast
+PEAK_RATE = 2.0 * np.exp(-2.0)  # the fastest that an offset of 1 decays, with T = 1 s: after 2 s
+MAX_RETURN_MPS = 1.5  # chosen, as the next: 5.5 m with T = 1 s
+MAX_RETURN_RADPS = 0.5  # 106° with T = 1 s
 # Between two rows; a state older than that says nothing about now. The estimator begins anew after
 # as long a silence, see `gap_s` of its settings.
 LONGEST_SPAN_S = 60.0
@@ -167,6 +175,14 @@ LONGEST_SPAN_S = 60.0
 def is_possible(u: float, v: float, r: float) -> bool:
     """Velocities [m/s, m/s, rad/s] of a state -> whether a boat can have them; not where NaN."""
     return abs(u) <= MAX_SPEED_MPS and abs(v) <= MAX_SPEED_MPS and abs(r) <= MAX_TURN_RADPS
+
+
+@jitable
+def can_return(offset: WorldMotion, fade: float) -> bool:
+    """Whether an offset decays, with the time constant `fade` [s], no faster than a boat moves."""
+    rate = PEAK_RATE / fade
+    distance = np.sqrt(offset.north**2 + offset.east**2)
+    return distance * rate <= MAX_RETURN_MPS and abs(offset.yaw) * rate <= MAX_RETURN_RADPS
 
 
 @jitable

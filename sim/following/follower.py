@@ -247,12 +247,14 @@ class ReferenceResult(NamedTuple):
     references  (K, 9)
     from_model  (K,)  the model gives it
     diverged    (K,)  … and had left what a boat can do: it began anew at the estimate
+    reset       (K,)  it was too far from the estimate to come back as a boat moves: set to it
     """
 
     state: ReferenceState
     references: Floats
     from_model: NDArray[np.bool_]
     diverged: NDArray[np.bool_]
+    reset: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -291,13 +293,14 @@ class Reference:
         """
         count, carry = len(times), state.carry.copy()
         from_model = self._from_model(flags(fresh, count))
-        out, diverged = np.empty((count, 9)), np.zeros(count, np.bool_)
+        out = np.empty((count, 9))
+        diverged, reset = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
         self.model.kernel.module.compute_reference(
             self.model.theta, carry, self.fade, floats(times), floats(estimates), from_model,
             ~from_model, flags(jumps, count), floats(commands), *air(voltage, wind, count), out,
-            diverged,
+            diverged, reset,
         )  # fmt: skip
-        return ReferenceResult(ReferenceState(frozen(carry)), out, from_model, diverged)
+        return ReferenceResult(ReferenceState(frozen(carry)), out, from_model, diverged, reset)
 
     def _from_model(self, fresh: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Which rows the model gives (K,); at the others it is set to the estimate."""

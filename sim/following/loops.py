@@ -17,6 +17,7 @@ from sim.following import (
     Gains,
     WorldMotion,
     blend,
+    can_return,
     commanded_acceleration,
     corrected_reference,
     is_possible,
@@ -211,16 +212,18 @@ def compute_reference(
     theta: Floats, carry: Floats, fade: float, times: Floats, estimates: Floats,
     from_model: NDArray[np.bool_], anchored: NDArray[np.bool_], jumps: NDArray[np.bool_],
     commands: Floats, voltage: Floats, wind: Floats, out: Floats, diverged: NDArray[np.bool_],
+    reset: NDArray[np.bool_],
 ) -> None:  # fmt: skip
     """The reference: estimates (K, 9), or where `from_model` the vessel's motion under commands.
 
     Commands (K, na) hold over the interval that ends at their row. Where `anchored` the model is
     set to the estimate, its memory kept, and runs on from there. At a hand-over, either way, the
     reference goes on where it was and the offset decays with the time constant `fade` [s]; at
-    `jumps` it is dropped. Where the model's motion is none of a boat's it begins anew at the
-    estimate: `diverged`, where that is what is followed. After a long silence all begins anew.
+    `jumps` it is dropped, and where the model led so far astray that no boat comes back (`reset`).
+    Where the model's motion is none of a boat's it begins anew at the estimate: `diverged`, where
+    that is what is followed. After a long silence all begins anew.
     carry (NX + 21,): state, time, source, time and size (9) of the last offset, last row (9); NaN
-    before the start -> out (K, 9), diverged (K,).
+    before the start -> out (K, 9), diverged (K,), reset (K,).
     """
     p, motion = unpack(theta), np.empty(6)
     for k in range(len(times)):
@@ -252,6 +255,9 @@ def compute_reference(
             carry[NX + 2] = carry[NX]
             offset = offset_between(to_world_motion(own), to_world_motion(estimate))
             set_row(carry[NX + 3 : NX + 12], offset)
+            if not can_return(offset, fade):
+                carry[NX + 2] = np.nan
+                reset[k] = True
         if anchored[k] or jumps[k] or first:
             set_row(carry, true_motion(estimate, p)[:6])
         if first:

@@ -42,6 +42,7 @@ def path_rows(seconds: float, seed: int = 1, **changed: Any) -> ShadowRows:
         "receive_time_ns": (times * 1e9).astype(np.int64), "estimate": estimate,
         "std": np.full((count, 9), 0.03), "fresh": yes, "jumped": ~yes, "reference": estimate,
         "from_model": ~yes, "shadow": estimate, "control": force, "limited": ~yes, "diverged": ~yes,
+        "reset": ~yes,
         "residuals": ModelResiduals(missing, 10.0 * force, force, errors),
         "commands": np.full((count, 2), 0.3), "fit": changed.get("fresh", yes),
     }  # fmt: skip

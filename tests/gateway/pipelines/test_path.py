@@ -239,6 +239,24 @@ def test_rows_go_out_no_faster_than_asked() -> None:
     assert len(out) < 0.35 * len(shadowed(ReferenceMode.MEASURED))
 
 
+def test_a_prediction_that_went_far_astray_is_left_at_once_and_that_is_said() -> None:
+    """The model of a boat of half the drag led far ahead: the way back went at 9.5 m/s sideways."""
+    given = replay_input_of(tlog_from_bytes(b"".join(frames(voyage(40.0, silent=(6.0, 36.0))))))
+    light = replace(WAMV.dynamics, X_u=0.2 * WAMV.dynamics.X_u, X_uu=0.2 * WAMV.dynamics.X_uu)
+    path = path_of(ReferenceMode.AUTO, replace(WAMV, dynamics=light))
+    _, out, filtered = path.advance(path.start(), given.feed)
+    (k,) = np.flatnonzero(out.reset)
+    assert not out.from_model[k]
+    assert out.from_model[k - 1]
+    assert np.hypot(*(out.shadow[k - 1, :2] - out.estimate[k, :2])) > 5.5
+    assert np.abs(out.shadow - out.estimate)[k:, :2].max() < 1.0
+    assert np.abs(out.shadow[k:, 3:5] - out.estimate[k:, 3:5]).max() < 1.0
+    _, told = EventDetector().observe(given.feed, filtered, out)
+    kinds = [h.kind for h in told]
+    assert kinds.count("shadow_reset") == 1
+    assert "jump" not in kinds
+
+
 RUNAWAY = replace(WAMV, dynamics=replace(WAMV.dynamics, X_u=400.0, X_uu=50.0))
 
 
@@ -259,7 +277,8 @@ def test_a_shadow_that_has_not_diverged_for_a_minute_is_said_to_be_well() -> Non
     seconds, yes = np.arange(rows), np.ones(rows, np.bool_)
     out = replace(
         one, row=seconds, time_s=seconds * 1.0, vehicle_time_ns=seconds, receive_time_ns=seconds,
-        fresh=yes, from_model=~yes, limited=~yes, diverged=(seconds == 3) | (seconds == 20),
+        fresh=yes, from_model=~yes, limited=~yes, reset=~yes,
+        diverged=(seconds == 3) | (seconds == 20),
     )  # fmt: skip
     assert said_of(out, [rows]) == ["started", "shadow_diverged", "shadow_steady"]
     assert said_of(out, [5, 79, rows]) == ["started", "shadow_diverged", "shadow_steady"]

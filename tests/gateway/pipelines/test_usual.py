@@ -35,7 +35,7 @@ def rows(missing: Any, std: float = 30.0) -> ShadowRows:
     residuals = ModelResiduals(np.asarray(missing, float), std * one, one, np.zeros((count, 9)))
     return ShadowRows(
         number, number * 1.0, number * 10**9, number * 10**9, none, none, ~flag, flag, none, flag,
-        none, one, flag, flag, residuals, one, ~flag,
+        none, one, flag, flag, flag, residuals, one, ~flag,
     )  # fmt: skip
 
 

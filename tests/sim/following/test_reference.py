@@ -33,7 +33,7 @@ def outage(count, start, end):
 def test_measured_is_the_estimate_itself():
     times, rows, commands = voyage()
     reference = Reference(Model.of(BOAT), ReferenceMode.MEASURED)
-    _, out, from_model, _ = reference.advance(
+    _, out, from_model, *_ = reference.advance(
         reference.start(), times, rows, outage(len(times), 300, 500), commands
     )
     np.testing.assert_array_equal(out, rows)
@@ -45,7 +45,7 @@ def test_the_model_alone_reproduces_a_boat_that_is_as_the_model_says():
     blind = rows.copy()
     blind[1:] = 1e6  # only the first estimate may be looked at
     reference = Reference(Model.of(BOAT), ReferenceMode.MODEL)
-    _, out, from_model, _ = reference.advance(
+    _, out, from_model, *_ = reference.advance(
         reference.start(), times, blind, np.ones(len(times), bool), commands
     )
     assert from_model.all()
@@ -88,7 +88,7 @@ def test_auto_bridges_a_silent_link():
     frozen[300:600] = rows[299]
     reference = Reference(Model.of(BOAT))
     start = reference.start()
-    _, out, from_model, _ = reference.advance(start, times, frozen, fresh, commands)
+    _, out, from_model, *_ = reference.advance(start, times, frozen, fresh, commands)
     np.testing.assert_allclose(out[:, :6], rows[:, :6], atol=1e-7)
     np.testing.assert_array_equal(from_model, ~fresh)
 
