@@ -54,6 +54,11 @@ def doubt_of_numbers(row: RankedEffect) -> str:
         why = row.effect.disbelieved(row.found.values, row.fit.problem.trials)
         if why:
             return f"{why}: it stands in for something else"
+    if row.effect.undone is not None:
+        given, fitted = row.fit.problem.vessel.dynamics, row.fit.vessel().dynamics
+        why = row.effect.undone(row.found.values, given, fitted)
+        if why:
+            return why
     small = smallness_of(row.found) or sameness_of(row.found)
     if small or _shows_both_sides(row):
         return small

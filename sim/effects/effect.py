@@ -305,10 +305,10 @@ class Effect:
     more_starts   (length of the longest recording [s]) -> starts, each of which is fitted whole
                   where a first look leaves much unexplained: from where a force that goes with a
                   square was found no small step may lead to the best
-    tables        (vessel, extent of u, v, r [m/s, rad/s], u r [m/s²], north, east [m], voltage [V]
-                  and time [s], as u, v, r, swing, north, east, voltage, time) -> empty
-                  tables where a search begins, if the effect is a curve that is not looked for in
-                  the residual (`search`)
+    tables        (vessel, extent of u, v, r [m/s, rad/s], u r [m/s²], north, east [m], voltage [V],
+                  commands of the motors and time [s], as u, v, r, swing, north, east, voltage,
+                  motor, time) -> empty tables where a search begins, if the effect is a curve that
+                  is not looked for in the residual (`search`)
     knot_places   of such a table: in order, the parameters (`Kind.FIXED`, shares of the way) that
                   say where its inner knots are, which are moved to where it bends once it is filled
     turned        of such a table: the directions (`Kind.FIXED`) that are turned then, and how far
@@ -326,6 +326,8 @@ class Effect:
                   where they do
     disbelieved   (values, trials) -> why numbers that are possible cannot be true of these trials;
                   empty where they may be
+    undone        (values, base numbers of the file, as fitted) -> why a base that moves along makes
+                  the effect nothing that was seen; empty where it does not
     pattern_for   what an error may depend on (`sim.diagnosis.force_terms.GROUPS`): this file is
                   then proposed as the pattern for an effect of one's own
     pattern       of a curve: the effect whose file is the pattern for a law in its place
@@ -365,6 +367,7 @@ class Effect:
     within: Callable[[Any], Intervals] | None = None
     mismatch: Callable[[Any, Values], str] | None = None
     disbelieved: Callable[[Values, Sequence[Any]], str] | None = None
+    undone: Callable[[Values, Any, Any], str] | None = None
     pattern_for: tuple[str, ...] = ()
     pattern: str = ""
     acts_when: Mapping[str, Mapping[str, tuple[float, ...]]] = field(

@@ -53,6 +53,7 @@ from sim.effects.words import FittedValues
 from sim.jit import jitable
 from sim.state import Wrench
 
+OF_TRIM = 0.02  # of full throttle: a neutral that is a little off
 LEAST_SAG = 0.05  # of the highest voltage: less tells of no battery; chosen, not measured
 LEAST = 1e-3  # of the largest of a curve's values: less is none
 LEVEL = 1 / 6  # of the largest value: a table that changes by less is told as one that does not
@@ -121,12 +122,21 @@ def angle(δ: float, blade: RudderParameters, p: Any) -> float:
     return δ + (p.acts == ANGLE) * table(δ, p)
 
 
+def astern_share(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> float:
+    """Full thrust astern over that ahead, negative: the lowest knot over a motor's thrust. Zero
+    where none ran astern: what a knot says there was never sailed.
+    """
+    if "motor" in extent and extent["motor"][0] > -OF_TRIM:
+        return 0.0
+    return min((float(t.thrust[0] / t.thrust[1]) for t in vessel.thrusters), default=-1.0)
+
+
 def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[Values]:
     """All empty tables that could be filled; `extent`: smallest and largest value of u, v, r and,
-    where it was measured, of the voltage.
+    where they were recorded, of the voltage and the motors' commands.
     """
     full = float(sum(t.thrust[1] for t in vessel.thrusters)) or 1.0
-    low = min((t.thrust[0] / t.thrust[1] for t in vessel.thrusters), default=-1.0)
+    low = astern_share(vessel, extent)
     stern = min((t.position[0] for t in vessel.thrusters), default=0.0)
     ranges = {by: extent[name] for by, name in zip((AHEAD, SIDEWAYS, TURNING), "uvr", strict=True)}
     ranges |= {HEADING: (0.0, 2.0 * math.pi)}

@@ -22,7 +22,7 @@ import numpy as np
 
 from sim.body import Flow, ThrusterParameters
 from sim.effects.effect import Effect, EvidenceAxis, Kind, Parameter, Scope, Values
-from sim.effects.learned import acts_in_words, wrench
+from sim.effects.learned import acts_in_words, astern_share, wrench
 from sim.effects.learned import evidence_axis as axis_of_table
 from sim.effects.learned_formula import (
     AHEAD,
@@ -108,9 +108,11 @@ def reaction(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> Wrench:
 
 
 def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[Values]:
-    """All empty tables that could be filled; `extent`: smallest and largest value of u, v, r."""
+    """All empty tables that could be filled; `extent`: smallest and largest value of u, v, r and,
+    where they were recorded, of the motors' commands.
+    """
     full = float(sum(t.thrust[1] for t in vessel.thrusters)) or 1.0
-    astern = min((t.thrust[0] / t.thrust[1] for t in vessel.thrusters), default=-1.0)
+    astern = astern_share(vessel, extent)
     ranges = {AHEAD: extent["u"], SIDEWAYS: extent["v"], TURNING: extent["r"],
               HEADING: (0.0, 2.0 * math.pi), MOTOR: (astern, 1.0)}  # fmt: skip
     return [

@@ -10,14 +10,24 @@ Source: Fossen, Handbook of Marine Craft Hydrodynamics, 2nd ed. 2021, ch. 9 (thr
 matrix).
 """
 
+import math
 from typing import Any
 
 from sim.body import Flow, ThrusterParameters
-from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Separation
+from sim.effects.effect import (
+    Effect,
+    EvidenceAxis,
+    ForceAxis,
+    Parameter,
+    Scope,
+    Separation,
+    Values,
+)
 from sim.effects.words import FittedValues
 
 UNITS_N = ((4.448, "pounds"), (9.807, "kilograms"))  # in which data sheets tell thrust
-OF_A_UNIT = 0.15  # a factor so near to it may be it; chosen, not measured
+OF_A_UNIT = 0.15  # a factor so near to it may be it; chosen, as the next
+OF_THE_GAIN = 0.5  # in logarithms: a mass that moves as far with a gain undoes it
 
 
 def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
@@ -32,6 +42,17 @@ def in_words(p: FittedValues) -> str:
         if abs(p["gain"] / factor - 1.0) < OF_A_UNIT:
             return f"{found}, as if the thrust in the file were in {unit} and not in newtons"
     return found
+
+
+def undone(values: Values, given: Any, fitted: Any) -> str:
+    """Whether the mass moves along, at least half as far: motion tells thrust over mass alone."""
+    gain, moved = math.log(values["gain"]), math.log(fitted.m11 / given.m11)
+    if moved * gain <= 0.0 or abs(moved) < OF_THE_GAIN * abs(gain):
+        return ""
+    return (
+        f"m11 goes along from {given.m11:.4g} to {fitted.m11:.4g} kg, and motion tells thrust over "
+        "mass alone"
+    )
 
 
 EFFECT = Effect(
@@ -62,4 +83,5 @@ EFFECT = Effect(
         ),
     },
     in_words=in_words,
+    undone=undone,
 )

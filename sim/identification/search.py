@@ -190,6 +190,10 @@ def start_points(effect: Effect, model: Model, trials: Sequence[Trial]) -> list[
         if np.isfinite(volts).any():  # a reading while a battery is changed is no voltage
             low_volts, high_volts = np.nanquantile(volts, [0.005, 0.995])
             extent["voltage"] = (float(low_volts), float(high_volts))
+        if model.vessel.thrusters:
+            commands = [vessel_commands(model, trial)[trial.usable] for trial in trials]
+            motors = np.concatenate(commands)[:, : len(model.vessel.thrusters)]
+            extent["motor"] = (float(motors.min()), float(motors.max()))
         extent["time"] = (0.0, max(float(trial.time[-1]) for trial in trials))
         return list(effect.tables(model.vessel, extent))
     longest = max(float(t.time[-1]) for t in trials)

@@ -1,5 +1,6 @@
 """A delay beside an autopilot that answers waves: believed only where it is there."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -51,6 +52,15 @@ def ranked(effect: str, left: float) -> Any:
     found = AddedEffect(law, {p.name: p.start for p in law.parameters})
     fit = SimpleNamespace(noise_share=(0.7, 0.7, left), problem=problem)
     return SimpleNamespace(effect=law, found=found, fit=fit)
+
+
+def test_a_thrust_that_the_mass_goes_along_with_is_not_believed() -> None:
+    row = ranked("thrust_scale", 0.7)
+    row.found.values["gain"] = 1.5
+    for factor, is_doubted in ((1.4, True), (1.0, False)):
+        heavier = replace(WAM_V.dynamics, m11=factor * WAM_V.dynamics.m11)
+        row.fit.vessel = lambda d=heavier: replace(WAM_V, dynamics=d)
+        assert bool(generality.doubt_of_numbers(row)) is is_doubted
 
 
 @pytest.mark.parametrize(

@@ -224,7 +224,9 @@ def test_a_rival_does_nearly_as_well_and_no_block_tells_it_apart() -> None:
         over = SimpleNamespace(t=t_of_best)
         return SimpleNamespace(
             name=name, gain=gain, over=over,
-            effect=SimpleNamespace(general_of=general_of, parameters=(), disbelieved=None),
+            effect=SimpleNamespace(
+                general_of=general_of, parameters=(), disbelieved=None, undone=None
+            ),
             found=AddedEffect(named("cubic_drag"), starts("cubic_drag")),
             fit=SimpleNamespace(problem=SimpleNamespace(vessel=WAM_V)),
         )  # fmt: skip

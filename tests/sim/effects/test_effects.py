@@ -46,8 +46,8 @@ ORDER = (  # of what a file declares
     "name", "scope", *LAWS, "start", "needs", "parameters", "looks_like", "mistaken_for",
     "shown_by", "general_of", "contains", "beside", "of_each_day", "alike", "partial", "unsteady",
     "evidence", "separated", "explains", "search", "more_starts", "tables", "knot_places", "turned",
-    "over_map", "within", "mismatch", "disbelieved", "in_words", "formulas", "formula_source",
-    "example", "measured", "assumption", "pattern_for", "pattern", "acts_when",
+    "over_map", "within", "mismatch", "disbelieved", "undone", "in_words", "formulas",
+    "formula_source", "example", "measured", "assumption", "pattern_for", "pattern", "acts_when",
 )  # fmt: skip
 every = pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
 

@@ -385,3 +385,23 @@ def test_no_battery_makes_motors_push_several_times_as_hard(nominal: float, told
     nobody_measured = SimpleNamespace(voltage=np.full(5, np.nan), usable=trial.usable)
     with warnings.catch_warnings(action="error"):
         assert doubt({"nominal": nominal}, [nobody_measured]) == ""
+
+
+@pytest.mark.parametrize(
+    ("gain", "mass", "told"),
+    [
+        (1.46, 383.0, "m11 goes along from 264 to 383 kg, and motion tells thrust over mass alone"),
+        (0.7, 184.0, "m11 goes along from 264 to 184 kg, and motion tells thrust over mass alone"),
+        (1.46, 270.0, ""),  # the mass is as it was: the motors push harder
+        (0.7, 300.0, ""),
+        (1.0, 300.0, ""),
+    ],
+)
+def test_motors_push_no_harder_where_the_boat_gets_as_much_heavier(
+    gain: float, mass: float, told: str
+) -> None:
+    """All motors 46 % harder, a hull 45 % heavier: told of a boat that was as in the file."""
+    undone = named("thrust_scale").undone
+    assert undone is not None
+    given, fitted = SimpleNamespace(m11=264.0), SimpleNamespace(m11=mass)
+    assert undone({"gain": gain}, given, fitted) == told

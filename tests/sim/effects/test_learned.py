@@ -209,6 +209,21 @@ def test_only_motors_on_both_sides_push_outward() -> None:
     assert OUTWARD not in {t["acts"] for t in tables(one_side, extent)}
 
 
+def test_of_a_motor_that_never_ran_astern_no_knot_says_anything_there() -> None:
+    extent = {"u": (-0.5, 2.0), "v": (-0.3, 0.4), "r": (-0.2, 0.1)}
+
+    def lowest(commands: tuple[float, float]) -> set[float]:
+        found = tables(WAMV, extent | {"motor": commands})
+        return {t["low"] for t in found if t["by"] == MOTOR}
+
+    assert lowest((-0.01, 0.9)) == {0.0}
+    assert (
+        lowest((-0.3, 0.9))
+        == {min(t.thrust[0] / t.thrust[1] for t in WAMV.thrusters)}
+        == {t["low"] for t in tables(WAMV, extent) if t["by"] == MOTOR}
+    )
+
+
 def test_a_thrust_over_the_voltage_needs_one_that_was_measured_and_changes() -> None:
     extent = {"u": (-0.5, 2.0), "v": (-0.3, 0.4), "r": (-0.2, 0.1)}
     assert BATTERY not in {t["by"] for t in tables(WAMV, extent)}

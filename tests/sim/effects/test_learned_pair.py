@@ -93,6 +93,9 @@ def test_empty_tables_span_what_was_sailed() -> None:
     assert {(one["by"], one["acts"]) for one in empty} == {
         (by, acts) for by, every in learned_pair.ACTS.items() for acts in every
     }
+    for motor, astern in (((-0.5, 1.0), True), ((0.0, 1.0), False)):  # none ran astern
+        ran = learned_pair.tables(RUDDER_BOAT, extent | {"motor": motor})
+        assert {one["b_low"] < 0.0 for one in ran if one["by"] == 1.0} == {astern}
     drifting = SimpleNamespace(thrusters=())
     left = learned_pair.tables(drifting, extent)
     assert left
