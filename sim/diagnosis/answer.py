@@ -339,8 +339,15 @@ class Diagnosis:
 
     @property
     def told_ranking(self) -> tuple[Candidate, ...]:
-        """The ranking as it is told: probabilities are among what is believed."""
-        return among_believed(self.ranking, [r.effect for r in self.refused if r.doubted])
+        """The ranking as it is told: probabilities are among what is believed, and where something
+        was found among what lowers the error on unseen time too.
+        """
+        doubted = {refusal.effect for refusal in self.refused if refusal.doubted}
+        if self.effects:
+            least = min(self.ladder[i].heldout.nrmse for i in (0, 1))
+            rest = (row for row in self.ranking if row.effect not in self.effects)
+            doubted |= {row.effect for row in rest if row.heldout_nrmse >= least}
+        return among_believed(self.ranking, doubted)
 
     @property
     def next_manoeuvre(self) -> str | None:

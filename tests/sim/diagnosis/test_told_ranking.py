@@ -1,8 +1,12 @@
 """Probabilities of a ranking, as they are told: among what is believed."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
 import pytest
 
-from sim.diagnosis.answer import Candidate, among_believed
+from sim.diagnosis.answer import Candidate, Diagnosis, among_believed
 
 
 def candidate(effect: str, probability: float, general_of: str = "") -> Candidate:
@@ -40,3 +44,26 @@ def test_the_share_of_what_is_not_believed_is_that_of_all_others() -> None:
 def test_where_all_is_believed_nothing_changes() -> None:
     assert among_believed(RANKING, ["cubic_drag"]) == RANKING
     assert among_believed((), []) == ()
+
+
+def told_beside(effects: tuple[str, ...], *errors: float) -> dict[str, float]:
+    """Probabilities, as told, of three effects with these errors beside a base of 0.286."""
+    rows = tuple(
+        replace(candidate(name, chance), heldout_nrmse=error)
+        for (name, chance), error in zip(
+            (("advance_loss", 1e-13), ("crossflow_drag", 0.8), ("tow", 0.1)), errors, strict=True
+        )
+    )
+    base = [SimpleNamespace(heldout=SimpleNamespace(nrmse=e)) for e in (0.344, 0.286)]
+    found: Any = SimpleNamespace(ranking=rows, refused=(), effects=effects, ladder=base)
+    return {row.effect: row.probability for row in Diagnosis.told_ranking.fget(found)}
+
+
+def test_what_lowers_no_error_is_not_the_most_probable_beside_what_was_found() -> None:
+    told = told_beside(("advance_loss",), 0.281, 0.301, 0.28)
+    assert told["crossflow_drag"] == 0.0
+    assert told["tow"] == pytest.approx(0.5)
+    assert told_beside(("advance_loss",), 0.281, 0.283, 0.28)["crossflow_drag"] == 0.8
+    assert told_beside((), 0.281, 0.301, 0.28)["crossflow_drag"] == 0.8  # nothing was found
+    # what was found itself is told, whatever it does alone: it was found beside others
+    assert told_beside(("crossflow_drag",), 0.281, 0.301, 0.28)["crossflow_drag"] == 0.8
