@@ -130,6 +130,9 @@ class ModelEvent(Enum):
     RIGHT = "model_right"
 
 
+UNTOLD = (Cause.NOTHING, False)  # nothing explains it yet, and it is too early to say so
+
+
 @dataclass(frozen=True)
 class Alarm:
     """State of the live diagnosis.
@@ -142,9 +145,9 @@ class Alarm:
     estimate: DisturbanceEstimate
     misfit: Misfit
     errors: ErrorByRegime
-    explanation: tuple[Cause, bool] = (Cause.NOTHING, False)
+    explanation: tuple[Cause, bool] = UNTOLD
     explanation_since: float = -np.inf
-    reported: tuple[Cause, bool] = (Cause.NOTHING, False)
+    reported: tuple[Cause, bool] = UNTOLD
     reported_disturbance: Floats | None = None
     reported_at: float = -np.inf
     before: tuple[tuple[DisturbanceEstimate, SecondMeans], ...] = ()
@@ -264,6 +267,8 @@ class Alarm:
         interval = MIN_INTERVAL_S if definite else MIN_DOUBT_INTERVAL_S
         if time - self.explanation_since < STEADY_S or time - self.reported_at < interval:
             return False
+        if self.explanation == UNTOLD and self.reported[0] is not Cause.NOTHING:
+            return False  # what was told stays: the same water seen for longer is no less seen
         return self.explanation != self.reported or self._moved()
 
     def _moved(self) -> bool:

@@ -367,6 +367,20 @@ def test_nothing_is_named_in_the_first_seconds(sentences: dict[str, list[str]]) 
         assert said[0].endswith("too little seen so far to tell what it looks like")
 
 
+@pytest.mark.parametrize("told", [Cause.EITHER, Cause.SEVERAL, Cause.NOTHING])
+@pytest.mark.parametrize("too_early", [False, True])
+def test_what_was_told_is_not_taken_back_as_too_little_seen(
+    estimator: DisturbanceEstimator, told: Cause, too_early: bool
+) -> None:
+    """A boat adrift in a current: after "current or wind" came "too little seen so far"."""
+    alarm = in_trouble(estimator, 3)
+    now = replace(
+        alarm, reported=(told, False), explanation=(Cause.NOTHING, not too_early),
+        explanation_since=0.0, reported_at=0.0,
+    )  # fmt: skip
+    assert now._has_news(1000.0) is not too_early
+
+
 def test_on_one_heading_a_wrong_is_left_open(estimator: DisturbanceEstimator) -> None:
     rng = np.random.default_rng(8)
     voyage = off_by(seconds(200, stream=STREAM, headings=1), 0.25, rng)
