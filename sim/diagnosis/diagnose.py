@@ -124,9 +124,10 @@ def diagnose(
 
 def _further_off(first: Diagnosis, second: Diagnosis, share: float) -> str:
     """Which numbers are off by more than a share, and what was told while they were trusted to be
-    no further off.
+    no further off. Of those that these data do not tell nothing is said.
     """
-    names = numbers_beyond(second.ladder[-1], share)
+    known = {e.name for e in second.ladder[-1].base_parameters if e.identifiable}
+    names = [name for name in numbers_beyond(second.ladder[-1], share) if name in known]
     if not names:
         return ""
     verb = "is" if len(names) == 1 else "are"

@@ -67,9 +67,11 @@ def test_more_room_has_to_say_as_much_with_less(wide: Any, first: Any, simpler: 
     assert is_simpler(wide, first) is simpler
 
 
-def told(first: Any, *effects: str, **values: float) -> str:
+def told(first: Any, *effects: str, known: bool = True, **values: float) -> str:
     """What is said of a second answer with these effects and numbers that were 10."""
-    numbers = tuple(number(name, 10.0, value) for name, value in values.items())
+    numbers = tuple(
+        replace(number(name, 10.0, value), identifiable=known) for name, value in values.items()
+    )
     step = LadderStep((), "refitted", HeldOutScore(0.1, None), numbers, {}, WAM_V)
     second: Any = SimpleNamespace(ladder=[step], effects=effects)
     return _further_off(first, second, 0.45)
@@ -81,6 +83,7 @@ def test_it_is_said_which_numbers_are_off_and_what_stood_in_for_them() -> None:
         "m33 of the file is off by more than 45 %, else thrust_scale would stand in"
     )
     assert told(explained, "steady_current", m33=14.0) == ""  # within what it was trusted to be
+    assert told(explained, "steady_current", known=False, m33=3.0) == ""  # nobody can tell
     left = "X_u, X_uu of the file are off by more than 45 %: with less room for them the error was"
     assert told(explained, "thrust_scale", "steady_current", X_u=4.0, X_uu=25.0) == f"{left} 0.120"
     unknown = answer(Verdict.UNKNOWN, 0.5, "hull_lift")  # which was not told as the cause
