@@ -53,6 +53,7 @@ MIN_HEADING_S = 3.0  # for a heading to count as sailed
 
 SPEED_EDGES_MPS = (0.3, 0.8, 1.5, 2.5, 4.0)
 TURN_EDGES_RADPS = (-0.1, 0.1)
+MAX_IDLE = 0.05  # of the command full ahead: less is no thrust to judge by
 THRUST_EDGES = (-0.05, 0.05, 0.5)  # of the thrust full ahead
 HEADINGS = tuple(f"heading {name}" for name in COMPASS)
 SPEEDS = (
@@ -140,6 +141,8 @@ class Alarm:
     explanation  of the last seconds, and since when it has been the same
     reported     explanation that was reported last, its disturbance (2,), and when one was
     before       the last seconds, `ONSET_S` and one, oldest first, each with the estimate before it
+    adrift       the motors rest, or did when the model was last right: what was wrong of a boat
+                 under way is not right again because her motors rest
     """
 
     estimate: DisturbanceEstimate
@@ -151,6 +154,7 @@ class Alarm:
     reported_disturbance: Floats | None = None
     reported_at: float = -np.inf
     before: tuple[tuple[DisturbanceEstimate, SecondMeans], ...] = ()
+    adrift: bool = False
 
     @classmethod
     def start(cls, estimator: DisturbanceEstimator) -> "Alarm":
@@ -184,13 +188,20 @@ class Alarm:
         before = (*self.before, (self.estimate, second))[-ONSET_S - 1 :]
         if not (estimate.finite and np.isfinite(balance.system_matrix).all()):
             return None
-        misfit, errors = self.misfit.observe(second, balance, WATCHED_HORIZONS_S), self.errors
+        thrusters = estimator.model.vessel.thrusters
+        drives = bool((np.abs(second.mean_commands[: len(thrusters)]) > MAX_IDLE).any())
+        clears = drives or self.adrift or not self.misfit.wrong
+        misfit = self.misfit.observe(second, balance, WATCHED_HORIZONS_S, clears)
+        errors = self.errors
         if np.isfinite(misfit.z):
-            ahead = sum(t.thrust[1] for t in estimator.model.vessel.thrusters)
+            ahead = sum(t.thrust[1] for t in thrusters)
             errors = errors.observe(second, misfit.z, ahead)
         if np.isfinite(misfit.since) and not np.isfinite(self.misfit.since):
             estimate = _since_onset(estimator, before)
-        now = replace(self, estimate=estimate, misfit=misfit, errors=errors, before=before)
+        now = replace(
+            self, estimate=estimate, misfit=misfit, errors=errors, before=before,
+            adrift=self.adrift if misfit.wrong else not drives,
+        )  # fmt: skip
         explanation = now.cause, now.cause is Cause.NOTHING and not now.too_early
         if explanation == self.explanation:
             return now

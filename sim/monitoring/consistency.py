@@ -63,8 +63,13 @@ class Misfit:
     past: Floats = field(default_factory=lambda: NO_PAST)
     commanded: Floats | None = None
 
-    def observe(self, second: SecondMeans, balance: Balance, horizons: tuple[int, ...]) -> "Misfit":
-        """One more second, the balance there; errors (H, 3) came due over `horizons` (H,) [s]."""
+    def observe(
+        self, second: SecondMeans, balance: Balance, horizons: tuple[int, ...], clears: bool = True
+    ) -> "Misfit":
+        """One more second, the balance there; errors (H, 3) came due over `horizons` (H,) [s].
+
+        `clears`: whether small errors of this second may end what was wrong.
+        """
         before = second.commanded if self.commanded is None else self.commanded
         change = np.asarray(np.linalg.solve(balance.slope_nu_dot, second.commanded - before), float)
         past = np.empty((min(len(self.past), max(horizons)) + 1, COLUMNS))
@@ -76,6 +81,7 @@ class Misfit:
             return replace(self, z=np.nan, past=past, commanded=second.commanded)
         error, floor = second.errors[first], floors[first]
         level = self.level + (min(z, MAX_Z) - self.level) / MEMORY_S
+        level = level if clears else max(level, self.level)
         since = min(self.since, second.time) if level > RIGHT_BELOW or self.wrong else np.inf
         return Misfit(
             level, z,

@@ -66,6 +66,21 @@ def test_a_right_model_raises_nothing(estimator: DisturbanceEstimator) -> None:
         assert alarm.misfit.level < 0.5 * WRONG_ABOVE
 
 
+@pytest.mark.parametrize("rests", [True, False])
+def test_a_weak_motor_is_not_right_again_because_it_rests(
+    estimator: DisturbanceEstimator, rests: bool
+) -> None:
+    """Disarmed: a boat adrift was told to be as the model says, its motor 67 % too strong."""
+    rng = np.random.default_rng(4)
+    strong = off_by(seconds(200, thrust=np.array([0.0, 0.6])), 0.25, rng)
+    after = off_by(seconds(200, first=200), 0.0, rng)
+    if rests:
+        after = [replace(s, mean_commands=0.0 * s.mean_commands) for s in after]
+    alarm, told = watched(estimator, [*strong, *after])
+    assert [news for news, *_ in told].count(ModelEvent.RIGHT) == (0 if rests else 1)
+    assert alarm.misfit.wrong is rests
+
+
 def test_a_current_that_sets_in_and_ends_is_told_with_its_cause(
     estimator: DisturbanceEstimator,
 ) -> None:
