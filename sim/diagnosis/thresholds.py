@@ -149,6 +149,9 @@ MAX_NOISE_SHARE_WITH_EFFECTS = 2.5  # where some were: nature's own form leaves 
 # last for seconds (1 s of an EKF, 10 s of a GPS's drift) left an exact model 1.0 and 1.5 floors.
 MAX_NOISE_SHARE_OF_DRIFT = 1.2
 MAX_FLOORS_OF_DRIFT = 2.0
+# The same where the interval of the error begins at a floor or so: a free run of an unstable hull
+# that went the other way than the boat, once in six minutes, made it 3.0 of an exact model.
+MAX_FLOORS_OF_A_TURN = 4.0
 # Error of a curve over that of the effects in whose place it stands. Of the true effect, on 45
 # tuning voyages: 0.985 and more. Of what stood in for strangers and left no more than noise: 0.957
 # and less on four, more on two.

@@ -7,7 +7,7 @@ from sim.diagnosis import thresholds
 from sim.diagnosis.answer import LadderStep, Verdict
 from sim.diagnosis.free_curve import FreeCurve
 from sim.diagnosis.generality import doubt_of_numbers
-from sim.diagnosis.heldout import Gain, RankedEffect, Ranking
+from sim.diagnosis.heldout import Gain, HeldOutScore, RankedEffect, Ranking
 from sim.diagnosis.ladder import Selection
 from sim.diagnosis.residual_terms import Dependence, dependences, without_repeats
 from sim.diagnosis.worth import is_worth_it, share_left
@@ -74,12 +74,23 @@ def is_above_noise(
         return False
     if any(e.partial for e in effects):
         return _is_more_than(thresholds.MAX_SHARE_LEFT_BY_PART, last, floor, ladder, floor)
-    if not effects and last <= thresholds.MAX_FLOORS_OF_DRIFT * floor and is_as_stated(share):
+    if not effects and is_as_stated(share) and _may_drift(ladder[-1].heldout, floor):
         return False
     most = _share_of_form(effects)
     if effects and last <= thresholds.MAX_FLOORS_WITH_EFFECTS * floor:
         most = max(most, thresholds.MAX_SHARE_LEFT)
     return _is_more_than(most, last, floor, ladder, floor)
+
+
+def _may_drift(error: HeldOutScore, floor: float) -> bool:
+    """Whether an error of free runs is so small, or so much of it lies in so few blocks of time, that
+    errors of the measured velocities that last may be all that it is: a boat that is unstable on
+    course may turn the other way than a free run does, and once is enough.
+    """
+    low = error.nrmse if error.ci95 is None else error.ci95[0]
+    once = low <= thresholds.MAX_FLOORS * floor
+    most = thresholds.MAX_FLOORS_OF_A_TURN if once else thresholds.MAX_FLOORS_OF_DRIFT
+    return error.nrmse <= most * floor
 
 
 def is_as_stated(share: Sequence[float]) -> bool:

@@ -290,9 +290,11 @@ class Prediction:
     error: Floats
     diverged: NDArray[np.bool_]
 
-    def predicted_rows(self) -> tuple[Ints, Ints, Floats]:
-        """Segment (M,), row of the trial (M,) and error (M, 6) of every predicted row."""
-        after = np.arange(1, self.error.shape[1])
+    def predicted_rows(self, most: int | None = None) -> tuple[Ints, Ints, Floats]:
+        """Segment (M,), row of the trial (M,) and error (M, 6) of every predicted row, or of the
+        first ones of each segment, so many at `most`.
+        """
+        after = np.arange(1, self.error.shape[1])[:most]
         segment, j = np.nonzero(after <= self.steps[:, None])
         return segment, self.rows[segment] + after[j], self.error[segment, after[j]]
 

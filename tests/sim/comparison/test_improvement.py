@@ -72,6 +72,25 @@ def test_where_the_better_one_is_worse_is_said(found) -> None:
     assert one.but == ()
 
 
+@pytest.mark.parametrize(("grows", "soon", "unsure"), [
+    (True, "as bad", True), (True, "better", False), (False, "as bad", False),
+])  # fmt: skip
+def test_a_hull_that_is_too_steady_is_not_simply_better(
+    found, monkeypatch, grows: bool, soon: str, unsure: bool
+) -> None:
+    """Of an unstable hull a wrong file was better than the truth "by 14 %, everywhere"."""
+    monkeypatch.setattr(Comparison, "cut_text", "an error of the start grows" if grows else "")
+    better, worse = found["near"], found["far"]
+    if soon == "as bad":
+        error, rows = better.prediction.error.copy(), 22  # a second of rows of 0.05 s
+        error[:, :rows] = worse.prediction.error[:, :rows]
+        better = replace(better, prediction=replace(better.prediction, error=error))
+    (one,) = improvements([worse, better])
+    assert one.unsure is unsure
+    assert ("but hardly in the first half second of each run" in one.sentence) is unsure
+    assert ("unsure" in one.to_dict()) is unsure
+
+
 def test_each_recording_is_judged_by_itself(found) -> None:
     second = [replace(found[name], log="another") for name in ("far", "truth")]
     told = improvements([found["far"], found["truth"], *second])

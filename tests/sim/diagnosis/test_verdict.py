@@ -95,6 +95,15 @@ def test_free_runs_that_drift_are_no_sign_where_moments_are_as_stated(last, shar
     assert is_above_noise(found, [*ladder, step(0.35, "hull_lift")], 0.069, share)
 
 
+@pytest.mark.parametrize(
+    ("error", "low", "told"), [(0.234, 0.103, False), (0.234, 0.13, True), (0.33, 0.103, True)]
+)
+def test_one_turn_the_other_way_makes_no_stranger(error: float, low: float, told: bool) -> None:
+    """78 % of the squared error of an exact model lay in 7 % of the time."""
+    left = replace(step(error), heldout=HeldOutScore(error, (low, 0.385)))
+    assert is_above_noise((), [step(0.25), left], 0.079, (0.94, 0.97, 1.19)) is told
+
+
 def test_the_drift_of_free_runs_is_said_of_a_model_that_is_whole() -> None:
     ladder = [step(0.102), step(0.102)]
     drifts = summary_of(Verdict.ADEQUATE, ladder, [], [], 0.069, drifts=True)
