@@ -83,7 +83,7 @@ def is_above_noise(
 
 
 def _may_drift(error: HeldOutScore, floor: float) -> bool:
-    """Whether an error of free runs is so small, or so much of it lies in so few blocks of time, that
+    """Whether an error of free runs is so small, or lies in so few blocks of time, that
     errors of the measured velocities that last may be all that it is: a boat that is unstable on
     course may turn the other way than a free run does, and once is enough.
     """

@@ -96,8 +96,8 @@ def test_of_several_recordings_each_tells_its_own_and_none_speaks_for_another():
 def moved(*effects: str, changed: bool, ends: tuple[float, float], to: float = 70.0) -> str:
     """What is said of a base whose m11 went from 60 to 70 kg on the last step."""
     m11 = SimpleNamespace(name="m11", before=60.0, value=to, ci95=ends, unit="kg")
-    last = SimpleNamespace(base_parameters=[m11])
-    d: Any = SimpleNamespace(ladder=[last], base_changed=changed, effects=effects)
+    last = SimpleNamespace(base_parameters=[m11], base="kept")
+    d: Any = SimpleNamespace(ladder=[last, last], base_changed=changed, effects=effects)
     return base_text(d)
 
 
@@ -167,12 +167,30 @@ def test_the_first_sentence_is_what_matters_most(answer, first, more):
     ],
 )
 def test_numbers_that_are_off_come_first_where_nothing_else_is(m33, changed, first):
-    answer = diagnosis(Verdict.ADEQUATE)
+    answer = diagnosis(Verdict.ADEQUATE, error=0.3)
     moved = Estimate("m33", "kg m²", 8.7, m33, (m33 - 0.1, m33 + 0.05), True)
     answer.ladder[-1].base_parameters, answer.base_changed = (moved,), changed
     texts = diagnosis_texts(answer)
     assert texts[0].startswith(first)
     assert texts[-1].endswith("is missing that these data could tell.")
+
+
+def test_of_a_file_that_is_right_to_two_floors_no_number_is_said_to_be_off():
+    """N_rr "-21 %" was said of an exact file under an EKF's and a GPS's drift."""
+    answer = diagnosis(Verdict.ADEQUATE, error=0.19)
+    moved = Estimate("m33", "kg m²", 8.7, 2.9, (2.8, 2.95), True)
+    answer.ladder[-1].base_parameters, answer.base_changed = (moved,), True
+    texts = diagnosis_texts(answer)
+    assert texts[0] == "Nothing is missing that these data could tell."
+    assert "m33 8.7 → 2.9 kg m² (-67 %)); errors of the measured velocities" in texts[1]
+    assert not any("are off" in text for text in texts)
+
+
+def test_numbers_that_a_refit_would_gain_by_are_not_said_to_hold():
+    answer = diagnosis(Verdict.ADEQUATE)
+    for base, said in (("refitted", "stay as they were given: what a re-fit"), ("kept", "hold")):
+        answer.ladder[1].base = base
+        assert said in base_text(answer)
 
 
 def test_what_may_be_none_is_told_after_what_is_sure():
