@@ -89,6 +89,7 @@ class Trial:
     rates_hz: Mapping[str, float] = field(default_factory=dict)
     notices: tuple[str, ...] = ()  # what was wrong with the recording, one sentence each
     contradictions: tuple[str, ...] = ()  # of these, sensors that do not tell of one motion
+    filtered: bool = False  # its velocities are those of an autopilot's filter
 
     @property
     def dt(self) -> float:

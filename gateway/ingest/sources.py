@@ -51,6 +51,10 @@ def _candidates(quantity: Quantity, *sources: str) -> Candidates:
     return tuple((quantity, source) for source in sources)
 
 
+# Velocities that an autopilot's filter made of position, acceleration and rates.
+OF_A_FILTER = frozenset({"LOCAL_POSITION_NED", "XKF1", "NKF1", "GLOBAL_POSITION_INT"})
+
+
 # name of what is chosen -> quantity and source, the best first. A format with other names for its
 # messages declares by `Rule.equivalent` which of these each stands for.
 PRIORITY: Mapping[str, Candidates] = {

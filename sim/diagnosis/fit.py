@@ -204,9 +204,8 @@ class Fit:
         )  # fmt: skip
         uncertainty = uncertainty_of(self.unknowns, result, problem.settings.block)
         trials, told = [trial.name for trial in problem.trials], {e.name: e for e in self.told}
-        every = [
-            told.get(e.name, e) for e in estimates_of(self.unknowns, self.z, uncertainty, trials)
-        ]
+        found = estimates_of(self.unknowns, self.z, uncertainty, trials, problem.settings.filtered)
+        every = [told.get(e.name, e) for e in found]
         base = tuple(e for e in every if "." not in e.name and e.name not in NUISANCE)
         of_effects = {}
         for a in self.added:

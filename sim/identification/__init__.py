@@ -19,6 +19,9 @@ from sim.vessel import KNOT_PREFIX, AddedEffect, Dynamics, Rudder, Thruster, Ves
 METHODS = ("shooting", "simulation", "instrumental", "regression")
 
 
+# Of the hull's numbers: nine of an Otter in the loop with the real ArduRover 4.6.3, whose truth is
+# known, came out up to 2.5 % off from 90 to 400 s, masses 1.4 % low, by all methods alike.
+FILTERED_STD = 0.01
 MASSES = ("m11", "m22", "m33")
 
 
@@ -38,6 +41,8 @@ class IdentifySettings:
                hulls that are unstable on course
     offsets    offsets in time of commands and velocities, and rounding, are estimated along
     at_rest    axes along which the recordings show no motion (`at_rest`): their numbers are held
+    filtered   relative standard deviation of the hull's numbers for what an autopilot's filter does
+               to the motion: no block of time shows it, for it does so in all
     fastest    |u|, |v|, |r| of the recordings [m/s, m/s, rad/s]: damping that is over before a row
                can show it at these is held (`parameters`); None: none is
     """
@@ -54,6 +59,7 @@ class IdentifySettings:
     offsets: bool = True
     tied: bool = False
     at_rest: tuple[str, ...] = ()
+    filtered: float = 0.0
     fastest: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
@@ -74,11 +80,12 @@ class IdentifySettings:
 
     def with_motion_of(self, trials: Sequence[Trial]) -> "IdentifySettings":
         """The same with how fast these trials are, but for the fastest hundredth of their rows, and
-        the axes along which they are at rest.
+        the axes along which they are at rest, and whether an autopilot's filter made them.
         """
         speeds = np.concatenate([np.abs(t.nu[t.usable]) for t in trials])
         u, v, r = np.quantile(speeds, 0.99, axis=0).tolist()
-        return replace(self, fastest=(u, v, r), at_rest=axes_at_rest(trials))
+        filtered = FILTERED_STD if any(trial.filtered for trial in trials) else 0.0
+        return replace(self, fastest=(u, v, r), at_rest=axes_at_rest(trials), filtered=filtered)
 
 
 PLACES = {  # key of an actuator's number -> its field, and the place in it

@@ -310,7 +310,7 @@ def identify(
     fixed = FitInputs(unknowns.fixed(vague), trials, last)
     if (vague & ~unknowns.at_rest).any() and not vague.all():
         fit = search(fixed, np.where(vague, unknowns.start, fit.z))
-    every = estimates_of(unknowns, fit.z, uncertainty, [t.name for t in trials])
+    every = estimates_of(unknowns, fit.z, uncertainty, [t.name for t in trials], last.filtered)
     models = [fitted_model(unknowns, fit.z, i) for i in range(len(trials))]
     offset = _command_offset(unknowns, fit.z)
     validation = [validate(t, before, models[0], offset) for t in others]

@@ -21,7 +21,7 @@ from scipy.special import stdtrit
 
 from sim.effects.catalogue import explaining
 from sim.effects.effect import Symptom
-from sim.identification import MASSES
+from sim.identification import BASE, MASSES
 from sim.identification.parameters import (
     ASSUMED_STD,
     DAMPING,
@@ -46,6 +46,7 @@ TRADE_SHARE = 0.35  # of the largest component: a parameter takes part in a trad
 MIN_EIGENVALUE = 1e-12  # of the largest, of a scaled information matrix that is singular
 UNKNOWN_STD = 1e6  # scales: standard deviation of a parameter that nothing determines
 DIFFERENCE_STEP = 1e-5  # scales, of the derivatives of named parameters by z
+NORMAL_FACTOR = 1.96  # standard deviations in half a 95 % interval
 NUISANCE = (*OFFSETS, ROUNDING)
 
 
@@ -178,12 +179,15 @@ class Estimate:
 
 
 def estimates_of(
-    unknowns: Unknowns, z: Floats, uncertainty: Uncertainty, trials: Sequence[str]
-) -> tuple[Estimate, ...]:
-    """All parameters by their names, nuisances too."""
+    unknowns: Unknowns, z: Floats, uncertainty: Uncertainty, trials: Sequence[str],
+    filtered: float = 0.0,
+) -> tuple[Estimate, ...]:  # fmt: skip
+    """All parameters by their names, nuisances too; `filtered`: `IdentifySettings.filtered`."""
     value, before = unknowns.to_named(z), unknowns.to_named(unknowns.start)
     covariance = named_covariance(unknowns, z, uncertainty.covariance)
     half = uncertainty.factor * np.sqrt(np.diag(covariance))
+    of_hull = np.array([u.name in BASE for u in unknowns.each])
+    half = np.hypot(half, of_hull * NORMAL_FACTOR * filtered * np.abs(value))
     large = UNDETERMINED_SHARE * _large_changes(unknowns, z)
     vague = uncertainty.factor * np.sqrt(np.diag(uncertainty.covariance)) > large
     traded = _traded(unknowns, z, uncertainty)

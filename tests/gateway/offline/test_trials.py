@@ -88,6 +88,7 @@ def test_a_steady_turn_is_found_as_it_was() -> None:
     assert trial.channels == (1, 3)
     assert np.nanmin(trial.pwm, axis=0) == pytest.approx([1700.0, 1600.0])
     assert trial.sources["velocity"] == "LOCAL_POSITION_NED"
+    assert trial.filtered
     assert trial.usable[20:-20].all()
 
 
