@@ -344,7 +344,7 @@ class TrialSource:
             rates_hz={name: choice.rate_hz for name, choice in self.choices.items()},
             notices=(*self.contradictions, *self.notices),
             contradictions=self.contradictions,
-            filtered=self.choices["velocity"].source in OF_A_FILTER,
+            filtered="velocity" in self.choices and self.choices["velocity"].source in OF_A_FILTER,
         )
 
     def _commands(self, edges: Floats) -> tuple[tuple[int, ...], Floats]:
