@@ -41,7 +41,7 @@ from gateway.shadow.events import EventDetector
 from gateway.shadow.health import LogHealth
 from gateway.shadow.model_monitor import APPLY_EVERY_NS, Adapt, ModelMonitor, taken_over
 from gateway.shadow.path import ShadowPath, ShadowRows
-from gateway.shadow.topic_rows import attachments_of, event_rows, metadata_of, topic_rows
+from gateway.shadow.topic_rows import EventRow, attachments_of, event_rows, metadata_of, topic_rows
 from gateway.vessel_file import zenoh_key
 from sim.plants import PlantChoice
 from sim.vessel import Vessel
@@ -270,6 +270,7 @@ def _log_steps(
     health = LogHealth.of(given.log, given.decoded)
     feed, log = given.feed, given.log
     frames = log.frames if isinstance(log, MavlinkLog) else ()
+    boots = [begin for begin, _ in given.decoded.sessions[1:]]
     start, first_frame = 0, 0
     chunk_s = PACE_S if pace else CHUNK_S
     for end in _chunk_ends(feed, chunk_s, pace, APPLY_EVERY_NS if applies else None):
@@ -280,7 +281,7 @@ def _log_steps(
         detector, events = detector.observe(chunk, filtered, out)
         rows = list(topic_rows(out, given.origin))
         monitor, monitored, warnings = monitor.observe(out)
-        rows += [*monitored, event_rows([*events, *warnings])]
+        rows += [*monitored, event_rows([*_reboots(chunk, boots), *events, *warnings])]
         rows.append(health.advance(chunk.receive_time_ns, filtered, out))
         last = end == len(feed)
         frame_end = len(frames) if last else int(chunk.order[-1]) + 1 if frames else 0
@@ -288,6 +289,19 @@ def _log_steps(
         yield ReplayStep([out], rows, partial(_frames_between, frames, first_frame, frame_end))
         start, first_frame = end, frame_end
         progress(end / len(feed))
+
+
+def _reboots(chunk: FilterInputs, boots: list[int]) -> list[EventRow]:
+    """An event for each boot that has begun by the end of a chunk [ns of the boat's clock], which
+    is taken out of the list.
+    """
+    found = []
+    while boots and boots[0] <= chunk.vehicle_time_ns.max(initial=-1):
+        k = int(np.argmax(chunk.vehicle_time_ns >= boots[0]))
+        times = int(chunk.vehicle_time_ns[k]), int(chunk.receive_time_ns[k])
+        found.append(EventRow(*times, "reboot", "warning", "the autopilot rebooted"))
+        boots.pop(0)
+    return found
 
 
 def _frames_between(frames: Frames | tuple[()], start: int, end: int) -> LinkFrames:

@@ -187,6 +187,20 @@ def test_an_outage_is_told_in_events_and_the_shadow_runs_on(first: Path) -> None
     assert len(found["measured"]) < len(found["shadow"])
 
 
+def test_a_reboot_is_told_once(tmp_path: Path) -> None:
+    """`info` counted it; the recording held "telemetry is fresh again" alone."""
+    data = tlog(tmp_path / "one.tlog", voyage(20.0)).read_bytes()
+    later = tlog(tmp_path / "later.tlog", [(t + 35.0, m) for t, m in voyage(10.0)]).read_bytes()
+    both = tmp_path / "both.tlog"
+    both.write_bytes(data + later)
+    (path,) = replay(both, WAMV, None, options(tmp_path / "out")).recordings
+    events = [json.loads(event) for event in payloads(path)["event"]]
+    (told,) = [event for event in events if event["kind"] == "reboot"]
+    assert told["says"] == "the autopilot rebooted"
+    first = events[0]["vehicle_time_ns"]
+    assert (told["vehicle_time_ns"] - first) * 1e-9 == pytest.approx(35.0, abs=1.5)
+
+
 def test_positions_stand_about_the_boats_own_origin(first: Path) -> None:
     row = json.loads(payloads(first)["position"][0])
     assert row["boat_latitude_deg"] == pytest.approx(63.447, abs=1e-3)
