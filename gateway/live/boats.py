@@ -46,6 +46,7 @@ TOLD = frozenset({
 })  # fmt: skip
 # breaks of the estimate, printed too, but not all that one cause brings with it
 BREAKS, QUIET_NS = frozenset({"jump", "restart"}), 10 * SECOND
+JUDGED_ANEW = "what was wrong before the reboot is judged anew: it may have been its sensors"
 REBOOTED = "the autopilot rebooted: the estimate begins anew, and the shadow follows it again"
 
 
@@ -178,8 +179,12 @@ class LiveBoat:
             sensors=SensorMemory(),
         )
         self._break_ns = now_ns
-        event = EventRow(self._vehicle_time(now_ns), now_ns, "reboot", "warning", REBOOTED)
-        return BoatOutput([event_rows([event])], None, (event,))
+        times = self._vehicle_time(now_ns), now_ns
+        events = [EventRow(*times, "reboot", "warning", REBOOTED)]
+        if self._model_monitor.alarm.misfit.wrong:
+            events.append(EventRow(*times, "model_right", "info", JUDGED_ANEW))
+        self._model_monitor = self._model_monitor.rebooted()
+        return BoatOutput([event_rows(events)], None, tuple(events))
 
     def _note_times(self, inputs: FilterInputs, receive_time_ns: int) -> None:
         """Measurements came: the silence is over."""

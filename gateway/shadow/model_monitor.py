@@ -296,6 +296,10 @@ class ModelMonitor(NamedTuple):
         before = self.earlier[0] if self.earlier else now
         return before if before[0].misfit.wrong == self.alarm.misfit.wrong else now
 
+    def rebooted(self) -> "ModelMonitor":
+        """The boat's sensors began anew: the model is judged from now on."""
+        return self._replace(alarm=self.alarm.rebooted(), second=Second(), earlier=())
+
     def _event_row(self, out: ShadowRows, k: int, event: ModelEvent, before: Alarm) -> EventRow:
         since = (before if event is ModelEvent.RIGHT else self.alarm).misfit.since
         ago_ns = round((float(out.time_s[k]) - since) * 1e9)

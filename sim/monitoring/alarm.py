@@ -211,6 +211,11 @@ class Alarm:
         """The estimate jumped or fell silent."""
         return replace(self, misfit=self.misfit.after_gap(), before=())
 
+    def rebooted(self) -> "Alarm":
+        """The boat's sensors began anew: what was wrong until then may have been theirs."""
+        now = replace(self.after_gap(), misfit=Misfit(), adrift=False, reported_disturbance=None)
+        return replace(now, explanation=UNTOLD, explanation_since=-np.inf, reported=UNTOLD)
+
     @cached_property
     def cause(self) -> Cause:
         """What explains the missing force, with its doubts; nothing while the model is right."""

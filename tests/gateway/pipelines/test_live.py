@@ -348,6 +348,21 @@ def test_a_reboot_is_printed_once_and_not_the_jump_that_it_brings() -> None:
     assert not any("the source jumped" in line or "started afresh" in line for line in lines)
 
 
+@pytest.mark.parametrize("wrong", [True, False])
+def test_what_was_wrong_before_a_reboot_is_judged_anew(wrong: bool) -> None:
+    """A compass that was disturbed was blamed on the model 64 s after it was put right."""
+    with Deck() as deck:
+        deck.hear(datagrams(played(3.0)))
+        (boat,) = deck.gateway.fleet.boats.values()
+    monitor = boat._model_monitor
+    misfit = replace(monitor.alarm.misfit, wrong=wrong, level=9.0)
+    boat._model_monitor = monitor._replace(alarm=replace(monitor.alarm, misfit=misfit))
+    told = boat._restart(4_000_000_000).events
+    assert [event.kind for event in told] == ["reboot", *(["model_right"] if wrong else [])]
+    assert not boat._model_monitor.alarm.misfit.wrong
+    assert boat._model_monitor.alarm.misfit.level == 0.0
+
+
 def test_breaks_of_the_estimate_are_printed_now_and_then() -> None:
     """A source that jumps again and again is one line in ten seconds."""
     with Deck() as deck:

@@ -66,6 +66,27 @@ def test_a_right_model_raises_nothing(estimator: DisturbanceEstimator) -> None:
         assert alarm.misfit.level < 0.5 * WRONG_ABOVE
 
 
+def test_of_a_boat_that_has_rebooted_nothing_is_wrong_until_it_is_seen_again(
+    estimator: DisturbanceEstimator,
+) -> None:
+    rng = np.random.default_rng(2)
+    flow = off_by(seconds(200, stream=STREAM), 0.25, rng)
+    alarm, _ = watched(estimator, flow)
+    assert alarm.misfit.wrong
+    anew, calm = alarm.rebooted(), off_by(seconds(100, first=200), 0.0, rng)
+    assert not anew.misfit.wrong
+    assert anew.reported[0] is Cause.NOTHING
+    for second in calm:
+        anew, news = anew.observe(estimator, second)
+        assert news is None
+    again = alarm.rebooted()
+    told = []
+    for second in off_by(seconds(200, stream=STREAM, first=200), 0.25, rng):
+        again, news = again.observe(estimator, second)
+        told += [news] if news else []
+    assert told[0] is ModelEvent.WRONG
+
+
 @pytest.mark.parametrize("rests", [True, False])
 def test_a_weak_motor_is_not_right_again_because_it_rests(
     estimator: DisturbanceEstimator, rests: bool
