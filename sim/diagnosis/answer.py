@@ -74,10 +74,16 @@ def with_assumed_intervals(found: Parameters, assumed: Sequence[AssumedNumbers])
 
 
 def _by_trial(estimates: Sequence[Estimate]) -> dict[str | None, list[Estimate]]:
+    """Those of each recording, with those that are of all; these alone where there are no others.
+
+    A wind is of a day, and how it turns the boat is hers: both are one effect on one recording.
+    """
     out: dict[str | None, list[Estimate]] = {}
     for e in estimates:
         out.setdefault(e.trial, []).append(e)
-    return out
+    shared = out.get(None, [])
+    each = {trial: [*shared, *own] for trial, own in out.items() if trial is not None}
+    return each or out
 
 
 def _assumption(

@@ -60,6 +60,21 @@ def test_each_recording_has_its_own_range_and_the_direction_keeps_its_interval()
     assert (told["area_front_m2"], told["area_side_m2"]) == WAM_V.hull.areas
 
 
+def test_what_is_of_the_boat_does_not_tell_a_days_wind_a_second_time() -> None:
+    """How the wind turns her is one number of all recordings: everything was said twice."""
+    turns = Estimate("steady_wind.c_n", "1", 0.1, 0.08, (0.06, 0.1), True, None)
+    found = {"steady_wind": (turns, *estimates(trial="a"))}
+    assumed = assumed_numbers(blown(WAM_V), found)
+    assert [one.trial for one in assumed] == ["a"]
+    (own,) = assumed_numbers(blown(WAM_V), {"steady_wind": estimates(trial="a")})
+    assert assumed[0].assumption.ci95 == own.assumption.ci95
+    widened = with_assumed_intervals(found, assumed)["steady_wind"]
+    assert widened[0] == turns
+    assert widened[1].doubt == DOUBT
+    alone = assumed_numbers(blown(WAM_V), {"steady_wind": (turns, *estimates(trial=None))})
+    assert [one.trial for one in alone] == [None]
+
+
 def test_a_vessel_with_areas_and_another_effect_are_told_as_they_are() -> None:
     found = {"steady_wind": estimates(trial=None)}
     assert not assumed_numbers(blown(KNOWN), found)
