@@ -197,21 +197,24 @@ class Model:
     def missing_force(
         self, motion: Floats, times: Floats, held: Floats, commands: Floats, *,
         theta: Floats | None = None, voltage: Floats | None = None, wind: Floats | None = None,
-        carry: Floats | None = None,
+        carry: Floats | None = None, memory: Floats | None = None,
     ) -> tuple[Floats, Floats]:  # fmt: skip
         """What the vessel would need beside its commanded forces to move as measured.
 
         Reported motion (T, 9) at times (T,) [s]; commands (T, na): those `held` over the interval
         that ends at their row, and those at its instant -> missing force (T, 3) and τ(commands)
         (T, 3) [N, N, N m]. No command delay is applied: that is the caller's. `carry` (nx + 1,)
-        continues an earlier call and is changed in place.
+        continues an earlier call and is changed in place; `memory` (T, nx − 6) is filled with that
+        of actuators and effects at each row.
         """
+        if memory is None:
+            memory = np.empty((len(times), self.state_size - 6))
         out, commanded = np.empty((len(times), 3)), np.empty((len(times), 3))
         self.kernel.module.missing_force(
             floats(self.theta if theta is None else theta),
             self.initial_carry() if carry is None else carry,
             floats(times), floats(motion), floats(held), floats(commands),
-            *air(voltage, wind, len(times)), out, commanded,
+            *air(voltage, wind, len(times)), out, commanded, memory,
         )  # fmt: skip
         return out, commanded
 

@@ -82,8 +82,9 @@ def _by_trial(estimates: Sequence[Estimate]) -> dict[str | None, list[Estimate]]
     for e in estimates:
         out.setdefault(e.trial, []).append(e)
     shared = out.get(None, [])
-    each = {trial: [*shared, *own] for trial, own in out.items() if trial is not None}
-    return each or out
+    if len(out) == 1:
+        return out
+    return {trial: [*shared, *own] for trial, own in out.items() if trial is not None}
 
 
 def _assumption(

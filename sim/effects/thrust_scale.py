@@ -82,6 +82,6 @@ EFFECT = Effect(
             "straight runs at two throttles: motors that differ turn the boat", "steps"
         ),
     },
-    in_words=in_words,
     undone=undone,
+    in_words=in_words,
 )

@@ -275,7 +275,7 @@ def compute_reference(
 @entry
 def missing_force(
     theta: Floats, carry: Floats, times: Floats, motion: Floats, held: Floats, commands: Floats,
-    voltage: Floats, wind: Floats, out: Floats, commanded: Floats,
+    voltage: Floats, wind: Floats, out: Floats, commanded: Floats, memory: Floats,
 ) -> None:  # fmt: skip
     """The balance along a measured motion: what the vessel needs beside its commanded forces.
 
@@ -284,7 +284,7 @@ def missing_force(
     silence.
     motion (K, 9) as reported; commands (K, na): those `held` over the interval that ends at their
     row, and those at its instant -> out (K, 3) missing force, commanded (K, 3) τ(commands)
-    [N, N, N m].
+    [N, N, N m], memory (K, NX − 6) at each row.
     """
     p = unpack(theta)
     for k in range(len(times)):
@@ -305,6 +305,8 @@ def missing_force(
             x = settle_memory(x, times[k], inputs, p)
             set_row(carry, x)
         carry[NX] = times[k] if first else max(carry[NX], times[k])
+        for i in range(6, NX):
+            memory[k, i - 6] = carry[i]
         force = missing_wrench(x, true.u_dot, true.v_dot, true.r_dot, times[k], inputs, p)
         set_row(out[k], force)
         set_row(commanded[k], commanded_wrench(x, times[k], inputs, p))

@@ -240,7 +240,7 @@ def compile_entries(kernel: Kernel) -> None:
     kernel.module.true_states(theta, none, np.zeros((0, 6)))
     kernel.module.missing_force(
         theta[0], np.full(s.nx + 1, np.nan), np.zeros(0), none, commands, commands, np.zeros(0),
-        np.zeros((0, 2)), force, force,
+        np.zeros((0, 2)), force, force, np.zeros((0, s.nx - 6)),
     )  # fmt: skip
 
 

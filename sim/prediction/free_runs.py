@@ -384,21 +384,14 @@ def memory_of_each(model: Model, trial: Trial, rows: Ints, theta: Floats) -> Flo
 
 def memory_at(model: Model, trial: Trial, rows: Ints) -> Floats:
     """Memory of actuators and effects at rows (S,), run along the measured motion: (S, nx − 6)."""
-    memory = np.full((len(rows), model.state_size - 6), np.nan)
-    if memory.shape[1] == 0:
-        return memory
-    before, _ = commands_around(model, trial)
-    motion, carry, done = measured_motion(trial), model.initial_carry(), 0
-    for i in np.argsort(rows):
-        part = slice(done, int(rows[i]) + 1)
-        if part.stop > part.start:
-            model.missing_force(
-                motion[part], trial.time[part], before[part], before[part],
-                voltage=trial.voltage[part], wind=trial.wind[part], carry=carry,
-            )  # fmt: skip
-            done = part.stop
-        memory[i] = carry[6:-1]
-    return memory
+    memory = np.empty((int(np.max(rows, initial=-1)) + 1, model.state_size - 6))
+    if memory.size:
+        before, part = commands_around(model, trial)[0][: len(memory)], slice(len(memory))
+        model.missing_force(
+            measured_motion(trial)[part], trial.time[part], before, before,
+            voltage=trial.voltage[part], wind=trial.wind[part], memory=memory,
+        )  # fmt: skip
+    return memory[rows]
 
 
 @dataclass(frozen=True)
