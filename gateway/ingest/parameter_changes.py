@@ -113,6 +113,7 @@ def changes_text(changes: Sequence[tuple[float, str]]) -> str:
     more = len(changes) - MOST_TOLD
     rest = f" and {more} more" if more > 0 else ""
     return (
-        f"{told}{rest}: a vessel file may hold before or after that, not on both sides (shadow "
-        "identify takes one side with --from or --to)"
+        f"{told}{rest}: what a pulse does is as before unless motors were plugged or set otherwise "
+        "too; then a vessel file holds on one side alone (shadow identify takes one with --from or "
+        "--to)"
     )

@@ -116,7 +116,8 @@ def test_an_output_that_is_set_otherwise_in_a_log_is_told() -> None:
     assert LogEvent(20.0, "autopilot", "notice", text) in log_events(log, boat)
     (found,) = survey(log).boats
     (told,) = [n for n in found.notices if text in n]
-    assert told.startswith(f"{text} at 20 s: a vessel file may hold before or after that")
+    assert told.startswith(f"{text} at 20 s: what a pulse does is as before unless motors were")
+    assert "then a vessel file holds on one side alone" in told
 
 
 def test_many_changes_are_one_sentence() -> None:
