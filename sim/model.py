@@ -194,6 +194,19 @@ class Model:
         """Columns of theta with the inertia and the damping of the hull."""
         return [self.names.index(name) for name in BASE]
 
+    @cached_property
+    def passive_columns(self) -> list[int]:
+        """Columns of theta that actuators do not feel along a measured motion: inertia and damping
+        of the hull, and the numbers of effects that act on the hull alone.
+        """
+        passive = [
+            self.names.index(f"{label}.{p.name}")
+            for label, added in _labelled(self.vessel)
+            if ON_THE_HULL.issuperset(added.effect.laws)
+            for p in added.effect.parameters
+        ]
+        return [*self.hull_columns, *passive]
+
     def missing_force(
         self, motion: Floats, times: Floats, held: Floats, commands: Floats, *,
         theta: Floats | None = None, voltage: Floats | None = None, wind: Floats | None = None,
@@ -379,6 +392,9 @@ def _in_order(added: Sequence[AddedEffect]) -> list[AddedEffect]:
     """Effects in the order of the catalogue, then those of a user by name."""
     place = {effect.name: i for i, effect in enumerate(EFFECTS)}
     return sorted(added, key=lambda a: (place.get(a.effect.name, len(place)), a.effect.name))
+
+
+ON_THE_HULL = frozenset({"force", "inertia", "turn", "reaction"})  # laws of an effect
 
 
 def _labelled(vessel: Vessel) -> Iterator[tuple[str, AddedEffect]]:

@@ -372,11 +372,11 @@ def prediction_error(measured: Floats, rows: Ints, model: Floats) -> Floats:
 def memory_of_each(model: Model, trial: Trial, rows: Ints, theta: Floats) -> Floats:
     """Memory of actuators and effects at rows (S,) as each of theta (K, P) has it: (S, K, nx − 6).
 
-    It follows the measured motion, which the inertia and damping of the hull do not change.
+    It follows the measured motion, which what acts on the hull alone does not change.
     """
     if model.state_size == 6:
         return np.empty((len(rows), len(theta), 0))
-    driving = np.delete(theta, model.hull_columns, axis=1)
+    driving = np.delete(theta, model.passive_columns, axis=1)
     _, first, which = np.unique(driving, axis=0, return_index=True, return_inverse=True)
     each = [memory_at(replace(model, theta=theta[i]), trial, rows) for i in first]
     return np.stack(each, axis=1)[:, which.ravel()]

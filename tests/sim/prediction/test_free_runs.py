@@ -8,9 +8,16 @@ import pytest
 from sim.effects.catalogue import named
 from sim.model import Model
 from sim.prediction import delayed_commands, measured_motion
-from sim.prediction.free_runs import DivergedError, Ruler, nrmse, predict
+from sim.prediction.free_runs import (
+    DivergedError,
+    Ruler,
+    memory_at,
+    memory_of_each,
+    nrmse,
+    predict,
+)
 from sim.prediction.segments import CompareSettings
-from sim.vessel import AddedEffect, Sensors
+from sim.vessel import BASE, AddedEffect, Sensors
 from tests.sim.voyages import UNSTABLE, WAM_V, legs, simulated, trial_of
 
 EFFECTS = {
@@ -33,6 +40,29 @@ def test_the_model_that_made_the_data_shows_no_error(effect):
     _, _, error = predict(trial, model, ruler).predicted_rows()
     assert len(ruler.segments.rows) > 40
     assert nrmse(error, ruler.scales) < 1e-3
+
+
+def test_memory_is_run_once_for_all_numbers_that_actuators_do_not_feel(monkeypatch):
+    """Drag and mass leave a lag as it is; the lag itself, a water and a weaker motor do not."""
+    names = ("thruster_lag", "cubic_drag", "payload_change", "steady_current", "reverse_loss")
+    model = Model.of(
+        WAM_V.with_effects(
+            *(AddedEffect(named(n), {p.name: p.start for p in named(n).parameters}) for n in names)
+        )
+    )
+    trial, rows = simulated(WAM_V, 30.0), np.array([5, 300, 100])
+    passive = {model.names[i].partition(".")[0] for i in model.passive_columns}
+    assert passive == {*BASE, "cubic_drag", "payload_change"}
+    theta = np.tile(model.theta, (len(model.theta) + 1, 1))
+    theta[1:] += np.diag(1e-3 * np.maximum(np.abs(model.theta), 1.0))
+    each = np.stack([memory_at(replace(model, theta=t), trial, rows) for t in theta], axis=1)
+    calls = []
+    monkeypatch.setattr(
+        "sim.prediction.free_runs.memory_at", lambda *a: calls.append(a) or memory_at(*a)
+    )
+    found = memory_of_each(model, trial, rows, theta)
+    np.testing.assert_allclose(found, each, rtol=1e-5, atol=1e-5)
+    assert len(calls) == len(theta) - len(model.passive_columns)
 
 
 @pytest.mark.parametrize("effect", EFFECTS)
