@@ -37,8 +37,8 @@ def rivals_of(ranking: Ranking, found: Sequence[str] = ()) -> list[RankedEffect]
 
 
 DRIFT = (
-    "; over ten seconds more is left than noise that comes anew at each moment, from one moment to "
-    "the next no more: so do errors of the measured velocities that last, and weak causes"
+    "; in free runs more is left than noise that comes anew at each moment, from one moment to the "
+    "next no more: so do errors of the measured velocities that last, and weak causes"
 )
 
 

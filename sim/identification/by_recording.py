@@ -27,7 +27,7 @@ from sim.effects.catalogue import EFFECTS
 from sim.identification import IdentifySettings
 from sim.identification.at_rest import axes_at_rest
 from sim.identification.identify import FITS, MIN_USABLE_S, fitted_model
-from sim.identification.intervals import NUISANCE, named_covariance, uncertainty_of
+from sim.identification.intervals import NORMAL_95, NUISANCE, named_covariance, uncertainty_of
 from sim.identification.parameters import Unknown, unknowns_of
 from sim.identification.shooting import FitInputs
 from sim.model import Model
@@ -42,7 +42,6 @@ MIN_OTHERS = 2  # recordings that another one is held against
 ALARM = 0.05  # share of fleets in which a recording that agrees is named
 ROUNDS = 60  # of expectation and maximisation
 MIN_SHARE = 0.01  # of a variance that is scatter found from few: with less, it counts as known
-NORMAL_95 = 1.96
 
 
 class RecordingFit(NamedTuple):

@@ -46,7 +46,7 @@ TRADE_SHARE = 0.35  # of the largest component: a parameter takes part in a trad
 MIN_EIGENVALUE = 1e-12  # of the largest, of a scaled information matrix that is singular
 UNKNOWN_STD = 1e6  # scales: standard deviation of a parameter that nothing determines
 DIFFERENCE_STEP = 1e-5  # scales, of the derivatives of named parameters by z
-NORMAL_FACTOR = 1.96  # standard deviations in half a 95 % interval
+NORMAL_95 = 1.96  # standard deviations in half a 95 % interval
 NUISANCE = (*OFFSETS, ROUNDING)
 
 
@@ -187,7 +187,7 @@ def estimates_of(
     covariance = named_covariance(unknowns, z, uncertainty.covariance)
     half = uncertainty.factor * np.sqrt(np.diag(covariance))
     of_hull = np.array([u.name in BASE for u in unknowns.each])
-    half = np.hypot(half, of_hull * NORMAL_FACTOR * filtered * np.abs(value))
+    half = np.hypot(half, of_hull * NORMAL_95 * filtered * np.abs(value))
     large = UNDETERMINED_SHARE * _large_changes(unknowns, z)
     vague = uncertainty.factor * np.sqrt(np.diag(uncertainty.covariance)) > large
     traded = _traded(unknowns, z, uncertainty)
