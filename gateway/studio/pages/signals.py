@@ -62,9 +62,7 @@ class SignalsPage(Page):
         self._log.param.watch(lambda _: self._choose_log(), "value")
         self._search.param.watch(lambda _: self._filter(), "value_input")
         self._every: tuple[str, ...] = ()
-        self._drawn: tuple[
-            object, ...
-        ] = ()  # the plots that stand, their request, and what its file was
+        self._drawn: Sequence[object] = ()  # the plots, their request, what its file was
         self._quiet = False
 
     def body(self) -> Any:
