@@ -82,7 +82,7 @@ def test_an_output_set_otherwise_midway_is_told_as_that() -> None:
     trial = turned_round(30.0)
     told = notices_of([trial], WAM_V)
     assert [n for n in told if "reversed in" in n] == []
-    text = "SERVO1_REVERSED changes from 0 to 1 at 30 s: a vessel file may hold before or after"
+    text = "SERVO1_REVERSED changes from 0 to 1 at 30 s: what a pulse does is as before unless"
     (line,) = [n for n in told if text in n]
     assert line.startswith(f"{trial.name}: ")
 
