@@ -77,9 +77,16 @@ class GateRecord(IntEnum):
     SEEN = 0  # 1.0 once a measurement was used
     GATED_RUN = 1  # number gated in a row
     GATED_SINCE = 2  # time of the first of them [s]
+    COUNT = 3  # measurements that the next rests on, see `scatter`
+    SCATTER = 4  # variance of the white errors over the assumed one
+    TIME = 5  # of the last measurement [s]
+    STEP = 6  # since the one before it [s]
+    MEASURED = 7  # the last measurement, two components
+    CHANGE = 9  # since the one before it
+    BEND = 11  # how far it lay from the line through the two before it
 
 
-GATE_RECORDS = len(GateRecord)
+GATE_RECORDS = GateRecord.BEND + 2
 
 
 SMALLEST, LARGEST = 1e-9, 1e6  # of any number of the table, in SI

@@ -26,6 +26,7 @@ from gateway.estimation import (
     State,
 )
 from gateway.estimation.model import Workspace, innovation_covariance, linearise, predict, update
+from gateway.estimation.scatter import observe_noise, noise_factor
 from gateway.samples import Quantity, Samples
 from sim.kernel.compiled import compiled
 from sim.state import Floats, Ints, wrap
@@ -186,7 +187,7 @@ IMPLAUSIBLE = np.array([0.0, 1e4, 50.0, 100.0, 1e7, 100.0, 200.0])
 
 
 class KalmanState(NamedTuple):
-    """Mean x (13,), covariance P (13, 13) and gates (7, 3) of the filter at one time."""
+    """Mean x (13,), covariance P (13, 13) and gates (7, 13) of the filter at one time."""
 
     x: Floats
     P: Floats
@@ -273,7 +274,7 @@ def inflate_covariance(kind: int, since: float, P: Floats) -> None:
 
 @compiled
 def is_discontinuity(event: Event, gate: Floats, model: FilterModel) -> bool:
-    """Counts an outlier in the gate (3,) of its kind; whether that is a discontinuity by now."""
+    """Counts an outlier in the gate (13,) of its kind; whether that is a discontinuity by now."""
     if gate[GateRecord.GATED_RUN] == 0.0:
         gate[GateRecord.GATED_SINCE] = event.time
     gate[GateRecord.GATED_RUN] += 1.0
@@ -312,11 +313,14 @@ def update_gated(
         work.y[0] = 0.0
     elif kind != MeasurementKind.YAW and (yaw_seen == 0.0 or P[State.YAW, State.YAW] > LOST_YAW**2):
         return 0.0, 0, WAITING
-    work.R[0], work.R[1] = event.std[0] * event.std[0], event.std[1] * event.std[1]
+    factor = noise_factor(gate)
+    work.R[0], work.R[1] = factor * event.std[0] ** 2, factor * event.std[1] ** 2
     if kind == MeasurementKind.YAW_RATE:  # what is not known of its delay
         squared = at[State.R_DOT] ** 2 + P[State.R_DOT, State.R_DOT]  # mean of it [rad²/s⁴]
         work.R[0] += model.gyro_delay_std_s**2 * squared
     nis = innovation_covariance(P, m, work)
+    if gate[GateRecord.SEEN] > 0.0:
+        observe_noise(gate, kind, event.time, event.z, event.std, m, work)
     flags = USED
     bound = model.gate_one if m == 1 else model.gate_two
     if nis > bound and gate[GateRecord.SEEN] > 0.0:

@@ -42,7 +42,7 @@ from sim.trial import MOTION
 class History(NamedTuple):
     """Events and the filter after each of them, M slots.
 
-    time (M,) [s], kind (M,), z (M, 2), std (M, 2), x (M, 13), P (M, 13, 13), gates (M, 7, 3);
+    time (M,) [s], kind (M,), z (M, 2), std (M, 2), x (M, 13), P (M, 13, 13), gates (M, 7, 13);
     counts (2,): events so far with the beginning, events refused in a row
     """
 

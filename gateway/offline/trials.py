@@ -27,6 +27,7 @@ from gateway.ingest.sources import OF_A_FILTER, Choice, choose
 from gateway.ingest.table_repair import repair_table, settings_for
 from gateway.offline import usable_time
 from gateway.offline.deviation import Deviation, with_deviation, without_deviation
+from gateway.offline.noisy import noisy_notices
 from gateway.offline.rate_bias import smooth_with_bias
 from gateway.offline.usable_time import Bools, compass_jumped, frozen
 from gateway.shadow import (
@@ -204,6 +205,7 @@ def source_of(log: Log, options: TrialOptions) -> "TrialSource":
             *table.notices,
             *([] if decoded.tabular else usable_time.told_too_seldom(choices)),
             *repeated_notice(repeats, decoded.sessions),
+            *noisy_notices(choices, settings, epoch_ns),
         ),
         contradictions,
         deviation,
