@@ -26,7 +26,7 @@ from gateway.estimation import (
     State,
 )
 from gateway.estimation.model import Workspace, innovation_covariance, linearise, predict, update
-from gateway.estimation.scatter import observe_noise, noise_factor
+from gateway.estimation.scatter import noise_factor, observe_noise
 from gateway.samples import Quantity, Samples
 from sim.kernel.compiled import compiled
 from sim.state import Floats, Ints, wrap
