@@ -54,6 +54,9 @@ def text(value: Any) -> str:
     return str(value).split("\0", 1)[0].strip()
 
 
+USUAL_COMPONENTS = (0, 1)  # no address at all, and MAV_COMP_ID_AUTOPILOT1
+
+
 @dataclass(frozen=True)
 class Boat:
     """One vehicle of a log: its address and its type."""
@@ -65,7 +68,8 @@ class Boat:
 
     def __str__(self) -> str:
         kind = f"{self.autopilot} {self.type}".strip() or "unknown vehicle"
-        return f"system {self.system} ({kind})"
+        component = "" if self.component in USUAL_COMPONENTS else f", component {self.component}"
+        return f"system {self.system}{component} ({kind})"
 
 
 def numbers(column: NDArray[np.generic]) -> Floats:

@@ -49,7 +49,13 @@ from gateway.ingest.mavlink.frames import (
     walk_records,
 )
 from gateway.ingest.mavlink.mapping import RULES, from_heartbeats, from_motion
-from gateway.ingest.mavlink.senders import SeveralSenders, senders_notice, series_of
+from gateway.ingest.mavlink.senders import (
+    SeveralSenders,
+    components_notice,
+    motion_of,
+    senders_notice,
+    series_of,
+)
 from sim.kernel.compiled import compiled
 from sim.state import Ints
 
@@ -320,13 +326,20 @@ class MavlinkLog(Log):
         return self.frames.table(name)
 
     def boats(self) -> tuple[Boat, ...]:
-        """The autopilots, by their HEARTBEAT or else by the motion that they report."""
-        return from_heartbeats(self.table("HEARTBEAT")) or from_motion(self)
+        """The autopilots, by their HEARTBEAT or else by the motion that they report.
+
+        Of several components of one system the one that tells most of its motion comes first.
+        """
+        found = from_heartbeats(self.table("HEARTBEAT")) or from_motion(self)
+        if len({boat.system for boat in found}) == len(found):
+            return found
+        return tuple(sorted(found, key=lambda boat: (boat.system, -len(motion_of(self, boat)))))
 
     def decode(self, boat: Boat) -> BoatSamples:
         found = decode_tables(self, boat, RULES)
         senders, _ = self.frames.several.get((boat.system, boat.component), (1, 0))
-        return replace(found, notices=(*found.notices, *senders_notice(boat, found, senders)))
+        notices = *senders_notice(boat, found, senders), *components_notice(self, boat)
+        return replace(found, notices=(*found.notices, *notices))
 
     def listed_parameters(self, boat: Boat) -> list[ListedParameter]:
         """All PARAM_VALUE, also of values told before; PX4 sends whole numbers bit by bit."""

@@ -12,11 +12,12 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.ingest.log import Boat, BoatSamples
+from gateway.ingest.log import Boat, BoatSamples, Log, log_start_ns
 from gateway.ingest.mapping import Origin, to_local
 from gateway.ingest.mavlink.frames import Headers
+from gateway.ingest.mavlink.mapping import SENT_BY_BOATS
 from gateway.samples import Quantity, Samples
-from sim.state import Floats
+from sim.state import Floats, Ints
 
 # All chosen: two boats in one log lost 17 frames for each that came; a poor radio loses a third.
 MIN_FRAMES = 100  # of a source: fewer tell no series
@@ -103,3 +104,29 @@ def _leaps(samples: Samples) -> float:
         place = to_local(place, Origin(*map(float, np.nanmedian(place, axis=0))))
     steps = np.linalg.norm(np.diff(place, axis=0), axis=1)
     return float(np.mean(steps > JUMP_M + FASTEST_MPS * np.diff(samples.seconds()[order])))
+
+
+def motion_of(log: Log, boat: Boat) -> Ints:
+    """Receipt [ns] of all that one component tells of its motion, in ascending order."""
+    tables = [log.table(name) for name in SENT_BY_BOATS]
+    return np.sort(np.concatenate([t.receive_time_ns[t.sent_by(boat)] for t in tables]))
+
+
+def components_notice(log: Log, boat: Boat) -> tuple[str, ...]:
+    """That other components of the boat's system tell of motion too, which is not read.
+
+    A component id that is set otherwise makes two halves of one voyage.
+    """
+    start = log_start_ns(log)
+    out = list[str]()
+    for other in log.boats():
+        if other.system != boat.system or other.component == boat.component:
+            continue
+        told = (motion_of(log, other) - start) * 1e-9
+        if len(told) >= MIN_FRAMES:
+            out.append(
+                f"component {other.component} of system {other.system} tells of motion too, from "
+                f"{told[0]:.0f} to {told[-1]:.0f} s: it is taken for another vehicle, and what is "
+                f"read here is component {boat.component} alone"
+            )
+    return tuple(out)

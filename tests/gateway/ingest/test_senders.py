@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.ingest.mavlink.log import MavlinkLog, tlog_from_bytes
 from gateway.ingest.survey import survey
@@ -82,3 +83,41 @@ def test_losses_of_one_sender_are_losses(one: list[bytes]) -> None:
 def test_a_boat_that_boots_again_is_one_sender(one: list[bytes]) -> None:
     again = b"".join(one[:150]) + b"".join(one[:150])
     assert tlog_from_bytes(again, "again.tlog").frames.several == {}
+
+
+def readdressed(raw: list[bytes], component: int, numbers: slice) -> list[bytes]:
+    """The same frames, some of them of another component."""
+    out = list(raw)
+    for k in range(*numbers.indices(len(raw))):
+        message = PARSER.decode(bytearray(raw[k][8:]))
+        sender = dialect.MAVLink(None, message.get_srcSystem(), component)
+        sender.seq = message.get_seq()
+        out[k] = raw[k][:8] + message.pack(sender)
+    return out
+
+
+PARSER = dialect.MAVLink(None)
+
+
+def test_a_component_that_changes_inside_a_log_is_told_and_most_of_it_is_read(
+    one: list[bytes], tmp_path: Path
+) -> None:
+    """Half was read, in silence, and `info` listed "system 1" twice."""
+    first = readdressed(one, 3, slice(len(one) // 4, None))
+    log = opened(first)
+    assert [boat.component for boat in log.boats()] == [3, 1]
+    assert [str(boat).split(" (")[0] for boat in log.boats()] == [
+        "system 1, component 3",
+        "system 1",
+    ]
+    file = tmp_path / "changed.tlog"
+    file.write_bytes(b"".join(first))
+    (trial,) = load_trials(file)
+    assert trial.time[-1] - trial.time[0] > 25.0
+    (text,) = (text for text in trial.notices if "component" in text)
+    assert text.startswith("component 1 of system 1 tells of motion too, from 0 to 10 s")
+    assert text.endswith("what is read here is component 3 alone")
+
+
+def test_of_one_component_nothing_is_told(one: list[bytes]) -> None:
+    assert all("component" not in text for text in survey(opened(one)).boats[0].notices)
