@@ -13,6 +13,7 @@ from gateway.estimation.gyro_delay import assumed_texts
 from gateway.ingest.log import BoatSamples
 from gateway.ingest.parameter_changes import ALIKE_US, changes_text
 from gateway.ingest.sources import Choice
+from gateway.offline.same_voyage import same_voyage_notices
 from sim.identification.at_rest import AXES_AT_REST, axes_at_rest
 from sim.identification.wiring import wiring_notices, wiring_of
 from sim.state import Floats
@@ -37,6 +38,7 @@ def notices_of(trials: Sequence[Trial], vessel: Vessel) -> tuple[str, ...]:
             alike.setdefault(NUMBER.sub("", notice), []).append((trial.name, notice))
     wiring = wiring_notices(wiring_of(trials, vessel), vessel)
     out = [*wiring, *outputs_without_actuator(trials, vessel), *not_tested(trials)]
+    out += same_voyage_notices(trials)
     out += assumed_by(vessel)
     for group in alike.values():
         names = list(dict.fromkeys(name for name, _ in group))
