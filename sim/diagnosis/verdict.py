@@ -37,8 +37,8 @@ def rivals_of(ranking: Ranking, found: Sequence[str] = ()) -> list[RankedEffect]
 
 
 DRIFT = (
-    "; in free runs more is left than noise that comes anew at each moment, from one moment to the "
-    "next no more: so do errors of the measured velocities that last, and weak causes"
+    "; in free runs more is left than noise that comes anew at each moment, and it follows nothing "
+    "that was looked for: so do errors of the measured velocities that last, gusts, and weak causes"
 )
 
 
@@ -94,10 +94,10 @@ def _may_drift(error: HeldOutScore, floor: float) -> bool:
 
 
 def is_as_stated(share: Sequence[float]) -> bool:
-    """Whether no more is left from one moment to the next than the recordings state as noise."""
+    """Whether from one moment to the next hardly more is left than the recordings state as noise."""
     *along, turn = share
     return (
-        max(along) < thresholds.MAX_NOISE_SHARE_OF_DRIFT
+        max(along) < thresholds.MAX_NOISE_SHARE_ALONE
         and turn < thresholds.MAX_NOISE_SHARE_OF_TURN
     )
 
