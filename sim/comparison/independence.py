@@ -37,6 +37,8 @@ STEP_S = 0.1  # h, or the trial's own step if that is longer
 FILTER_ORDER = 8  # of the whitening filter
 CONFIDENCE = 0.99  # of the band, and that a delay is no chance
 MIN_DELAY_S = STEP_S  # streams may be apart by half a step without anything being late
+MIN_REPORTS = 1.0  # apart, for an answer to be later than a report may be
+TIMED = ("yaw", "yaw rate", "velocity", "commands")  # of `Trial.rates_hz`
 MIN_GAIN = 0.25  # of the boat's thrust over the model's: of less it cannot be told when it comes
 MIN_STEPS = 20 * MAX_LAG
 FORCES = ("thrust ahead", "thrust to starboard", "turning moment")
@@ -122,16 +124,23 @@ def independence(trial: Trial, model: Model) -> Independence | None:
     if not (np.isfinite(errors).all() and np.isfinite(forces).all()):
         return None
     ends = np.cumsum([len(part) for part in parts])[:-1]
-    return independence_of(np.split(errors, ends), np.split(forces, ends), stride * trial.dt)
+    step, rates = stride * trial.dt, [trial.rates_hz.get(name, 0.0) for name in TIMED]
+    apart = max((1.0 / rate for rate in rates if rate > 0.0), default=step)
+    return independence_of(np.split(errors, ends), np.split(forces, ends), step, apart)
 
 
-def independence_of(errors: list[Floats], forces: list[Floats], step: float) -> Independence:
-    """Stretches of errors (n, 3) and forces (n, 3) [N, N, N m], one row a step of `step` [s]."""
+def independence_of(
+    errors: list[Floats], forces: list[Floats], step: float, apart: float = 0.0
+) -> Independence:
+    """Stretches of errors (n, 3) and forces (n, 3) [N, N, N m], one row a step of `step` [s].
+
+    `apart` [s]: between reports of the boat; what comes within that may be how they were joined.
+    """
     count = sum(map(len, errors))
     each = [[e[:, i] for e in errors] for i in range(3)]
     autocorrelation = np.stack([_correlation(e, e)[MAX_LAG + 1 :] for e in each])
     pairs = [
-        _pair(i, each[i], [f[:, i] for f in forces], step, count)
+        _pair(i, each[i], [f[:, i] for f in forces], step, count, apart)
         for i in range(3)
         if max(float(np.ptp(f[:, i])) for f in forces) > 1e-9
     ]
@@ -139,7 +148,7 @@ def independence_of(errors: list[Floats], forces: list[Floats], step: float) -> 
 
 
 def _pair(
-    i: int, errors: list[Floats], forces: list[Floats], step: float, count: int
+    i: int, errors: list[Floats], forces: list[Floats], step: float, count: int, apart: float
 ) -> CrossCorrelation:
     a = whitening_filter(forces)
     x, e = (  # the filter's start is left out
@@ -147,10 +156,10 @@ def _pair(
     )
     rho = _correlation(e, x)
     gain = rho * _std(e) / max(_std(x), 1e-300)
-    return CrossCorrelation(ERRORS[i], FORCES[i], rho, _delay(rho, gain, step, count))
+    return CrossCorrelation(ERRORS[i], FORCES[i], rho, _delay(rho, gain, step, count, apart))
 
 
-def _delay(rho: Floats, gain: Floats, step: float, count: int) -> float:
+def _delay(rho: Floats, gain: Floats, step: float, count: int, apart: float) -> float:
     """Correlation, impulse response (2 L + 1,) -> how late the thrust comes [s], 0: it does not.
 
     Lags 1 … J less their mirror images, J where their sum stands out most; it must be beyond the
@@ -165,13 +174,15 @@ def _delay(rho: Floats, gain: Floats, step: float, count: int) -> float:
     largest = float(ndtri(0.5 + 0.5 * CONFIDENCE ** (1.0 / MAX_LAG)))
     if total[J - 1] < largest or rho[MAX_LAG] >= 0.0:  # thrust that is late is missed at first
         return 0.0
+    if J * step < MIN_REPORTS * apart:
+        return 0.0
     J += int(np.argmin(np.append(excess[J:], 0.0) > 0.0))
     response = gain[MAX_LAG + 1 :] - gain[:MAX_LAG][::-1]
     thrust = 1.0 + float(gain[MAX_LAG - J : MAX_LAG + J + 1].sum())
     if thrust < MIN_GAIN:  # hardly any, or reversed
         return 0.0
     delay = step * float(lags[:J] @ response[:J]) / thrust
-    return delay if delay > MIN_DELAY_S else 0.0
+    return delay if delay > max(MIN_DELAY_S, apart) else 0.0
 
 
 def whitening_filter(series: list[Floats]) -> Floats:

@@ -238,11 +238,16 @@ def _highest_hump(fit: Fit, trial: int) -> tuple[float, float]:
     """
     best = (0.0, 0.0)
     for frequency, power in _spectra(fit, trial):
+        velocity = power / np.maximum(frequency, 1e-9) ** 2
         for f in FREQUENCIES_HZ:
             around = ((f / 4.0, f / 2.0), (2.0 * f, 4.0 * f))
             beside = max(_mean_power(frequency, power, *band) for band in around)
-            hump = _mean_power(frequency, power, f * 2.0**-0.25, f * 2.0**0.25) / beside
-            if hump > best[0]:  # false of NaN: a band without a frequency
+            top = f * 2.0**-0.25, f * 2.0**0.25
+            hump = _mean_power(frequency, power, *top) / beside
+            swings = _mean_power(frequency, velocity, *top) / _mean_power(
+                frequency, velocity, *around[0]
+            )
+            if hump > best[0] and swings > thresholds.MIN_HUMP_OF_VELOCITY:  # false of NaN
                 best = (float(hump), float(1.0 / f))
     return best
 

@@ -94,11 +94,10 @@ def _may_drift(error: HeldOutScore, floor: float) -> bool:
 
 
 def is_as_stated(share: Sequence[float]) -> bool:
-    """Whether from one moment to the next hardly more is left than the recordings state as noise."""
+    """Whether hardly more is left from moment to moment than the recordings state as noise."""
     *along, turn = share
     return (
-        max(along) < thresholds.MAX_NOISE_SHARE_ALONE
-        and turn < thresholds.MAX_NOISE_SHARE_OF_TURN
+        max(along) < thresholds.MAX_NOISE_SHARE_ALONE and turn < thresholds.MAX_NOISE_SHARE_OF_TURN
     )
 
 

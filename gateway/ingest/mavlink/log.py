@@ -66,7 +66,8 @@ if TYPE_CHECKING:
 SOURCES = 65536  # systems × components
 WHOLE = (1, 2, 3, 4, 5, 6)  # MAV_PARAM_TYPE of integers of up to 32 bits
 MAX_STEPS = 32  # of a receiver's clock that was set back; chosen
-LATE = 32  # a sequence number that steps back less than this is a late frame, not a loss
+LATE = 32  # a sequence number that steps back less than this is a late frame, not a loss, …
+REBOOT = 6  # … but where so many follow one another from there on
 
 
 @compiled
@@ -113,6 +114,7 @@ def continuity(data: Bytes, h: Headers) -> tuple[int, int, int]:
     last = np.full(SOURCES, -1, np.int64)  # frame before this one
     expected = np.zeros(SOURCES, np.int64)
     restart = np.full(SOURCES, -1, np.int64)  # follows if a step back was a reboot
+    follow = np.zeros(SOURCES, np.int64)  # frames that followed one another after a step back
     for i in range(len(h.offset)):
         source = np.int64(h.system[i]) * 256 + h.component[i]
         if silent[source]:
@@ -122,11 +124,15 @@ def continuity(data: Bytes, h: Headers) -> tuple[int, int, int]:
         gap = (number - expected[source]) & 0xFF
         if before >= 0 and same_frame(data, h, before, i):
             doubled += 1
-        elif before >= 0 and gap > 256 - LATE and number != restart[source]:
+        elif before >= 0 and gap > 256 - LATE:
+            follow[source] = follow[source] + 1 if number == restart[source] else 1
             late += 1
             restart[source] = after
+            if follow[source] == REBOOT:
+                late -= REBOOT
+                restart[source], expected[source] = -1, after
         else:
-            if before >= 0 and number != restart[source]:
+            if before >= 0:
                 lost += gap
             restart[source], expected[source] = -1, after
     return max(lost - late, 0), late, doubled  # a late frame's empty place was counted as a loss

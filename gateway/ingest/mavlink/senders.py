@@ -22,7 +22,8 @@ from sim.state import Floats, Ints
 # All chosen: two boats in one log lost 17 frames for each that came; a poor radio loses a third.
 MIN_FRAMES = 100  # of a source: fewer tell no series
 MIN_LOST = 0.25  # of the frames: what loses less has one sender
-FEWER = 0.1  # of what is lost in one series may be lost in several
+FEWER = 0.1  # of what is lost in one series may be lost in several …
+MAX_LOST = 0.5  # … and of the frames: what leaves more is no series, but frames out of order
 MIN_CHANGES = 0.02  # of the frames come from another sender than the one before
 MOST_SENDERS = 4
 NEAR = 32  # numbers: a frame that is further ahead of all series begins another one
@@ -52,7 +53,8 @@ def _senders(sequence: NDArray[np.uint8]) -> tuple[int, int] | None:
         return None
     for count in range(2, MOST_SENDERS + 1):
         lost, changes = _in_series(sequence.tolist(), count)
-        if lost <= FEWER * as_one and changes >= MIN_CHANGES * len(sequence):
+        whole = lost <= MAX_LOST * len(sequence)
+        if whole and lost <= FEWER * as_one and changes >= MIN_CHANGES * len(sequence):
             return count, lost
     return None
 

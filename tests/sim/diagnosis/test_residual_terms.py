@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from scipy.signal import butter, sosfiltfilt
 
 from sim.body import Flow, ThrusterParameters
 from sim.diagnosis.diagnose import DiagnoseSettings, fit_base
@@ -174,3 +175,14 @@ def test_noise_hangs_on_nothing() -> None:
 def test_a_trial_of_a_moment_has_no_rhythm() -> None:
     short = sailed(seconds=0.4)
     assert rhythms(Model.of(WAM_V), short) == pytest.approx([2.0 * np.pi / MAX_PERIOD_S] * 2)
+
+
+def test_velocities_that_scatter_are_no_sea() -> None:
+    """Their forces grow with the frequency up to where the smoother ends them: a hump of 4.6."""
+    trial = sailed(seconds=SECONDS)
+    white = np.random.default_rng(5).standard_normal(trial.nu.shape)
+    smoother = butter(8, 1.0, fs=1.0 / trial.dt, output="sos")
+    error = 0.1 * sosfiltfilt(smoother, white, axis=0)
+    rate = np.gradient(error, trial.dt, axis=0)
+    noisy = replace(trial, nu=trial.nu + error, nu_dot=trial.nu_dot + rate)
+    assert swing_period(base_on(noisy)) is None
