@@ -25,7 +25,14 @@ from gateway.estimation import (
     MeasurementKind,
     State,
 )
-from gateway.estimation.model import Workspace, innovation_covariance, linearise, predict, update
+from gateway.estimation.model import (
+    Event,
+    Workspace,
+    innovation_covariance,
+    linearise,
+    predict,
+    update,
+)
 from gateway.estimation.scatter import noise_factor, observe_noise
 from gateway.samples import Quantity, Samples
 from sim.kernel.compiled import compiled
@@ -194,15 +201,6 @@ class KalmanState(NamedTuple):
     gates: Floats
 
 
-class Event(NamedTuple):
-    """One measurement: time [s], kind, values z (2,), std (2,) of their white errors."""
-
-    time: float
-    kind: int
-    z: Floats
-    std: Floats
-
-
 USED, GATED, WAITING = int(Flag.USED), int(Flag.GATED), int(Flag.WAITING)
 VALID, JUMP = int(Flag.VALID), int(Flag.JUMP)
 
@@ -319,8 +317,7 @@ def update_gated(
         squared = at[State.R_DOT] ** 2 + P[State.R_DOT, State.R_DOT]  # mean of it [rad²/s⁴]
         work.R[0] += model.gyro_delay_std_s**2 * squared
     nis = innovation_covariance(P, m, work)
-    if gate[GateRecord.SEEN] > 0.0:
-        observe_noise(gate, kind, event.time, event.z, event.std, m, work)
+    observe_noise(gate, event, m, model, work)
     flags = USED
     bound = model.gate_one if m == 1 else model.gate_two
     if nis > bound and gate[GateRecord.SEEN] > 0.0:

@@ -293,6 +293,15 @@ def _acceleration(x: Floats, z: Floats, H: Floats, y: Floats) -> int:
     return 2
 
 
+class Event(NamedTuple):
+    """One measurement: time [s], kind, values z (2,), std (2,) of their white errors."""
+
+    time: float
+    kind: int
+    z: Floats
+    std: Floats
+
+
 class Workspace(NamedTuple):
     """Scratch of one step, reused so that the loop allocates nothing, and its results.
 

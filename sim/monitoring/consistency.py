@@ -26,6 +26,7 @@ from sim.state import Floats, Ints
 NEGLIGIBLE = 0.3 * MIN_SCALES  # s: m/s, m/s, rad/s
 MEMORY_S = 20.0  # of the running means
 WRONG_ABOVE, RIGHT_BELOW = 3.0, 1.5  # mean of z
+MIN_TIMES_FLOOR = 2.0  # mean square of u, v or r over its floor: "off by 0.05, noise explains 0.05"
 COMMAND_TIMING_S = 0.2  # δ
 MAX_Z = 12.0  # a single z counts no more than this
 DOUBLINGS = 3  # of the step from which the transition of a second is made …
@@ -75,20 +76,21 @@ class Misfit:
         past = np.empty((min(len(self.past), max(horizons)) + 1, COLUMNS))
         past[:-1] = self.past[-max(horizons) :]
         write_second(second.variance, balance.system_matrix, change, past[-1])
-        floors = np.empty((len(horizons), 3))
-        z, first = judge(past, second.variance, np.array(horizons), second.errors, floors)
+        due = np.empty((len(horizons), 3))
+        z, first = judge(past, second.variance, np.array(horizons), second.errors, due)
         if first < 0:
             return replace(self, z=np.nan, past=past, commanded=second.commanded)
-        error, floor = second.errors[first], floors[first]
+        error, floor = second.errors[first], due[first]
         level = self.level + (min(z, MAX_Z) - self.level) / MEMORY_S
         level = level if clears else max(level, self.level)
         since = min(self.since, second.time) if level > RIGHT_BELOW or self.wrong else np.inf
+        squares = self.squares + (error**2 - self.squares) / MEMORY_S
+        floors = self.floors + (floor - self.floors) / MEMORY_S
+        shows = bool((squares > MIN_TIMES_FLOOR * floors).any())
         return Misfit(
-            level, z,
-            self.squares + (error**2 - self.squares) / MEMORY_S,
-            self.floors + (floor - self.floors) / MEMORY_S,
-            self.weight + (1.0 - self.weight) / MEMORY_S,
-            level > (RIGHT_BELOW if self.wrong else WRONG_ABOVE), since, past, second.commanded,
+            level, z, squares, floors, self.weight + (1.0 - self.weight) / MEMORY_S,
+            level > RIGHT_BELOW if self.wrong else level > WRONG_ABOVE and shows,
+            since, past, second.commanded,
         )  # fmt: skip
 
     @property
