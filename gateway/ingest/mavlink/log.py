@@ -48,7 +48,7 @@ from gateway.ingest.mavlink.frames import (
     read_stamps,
     walk_records,
 )
-from gateway.ingest.mavlink.mapping import RULES, from_heartbeats, from_motion
+from gateway.ingest.mavlink.mapping import from_heartbeats, from_motion, rules_of
 from gateway.ingest.mavlink.senders import SeveralSenders, senders_notice, series_of
 from sim.kernel.compiled import compiled
 from sim.state import Ints
@@ -324,7 +324,7 @@ class MavlinkLog(Log):
         return from_heartbeats(self.table("HEARTBEAT")) or from_motion(self)
 
     def decode(self, boat: Boat) -> BoatSamples:
-        found = decode_tables(self, boat, RULES)
+        found = decode_tables(self, boat, rules_of(boat))
         senders, _ = self.frames.several.get((boat.system, boat.component), (1, 0))
         return replace(found, notices=(*found.notices, *senders_notice(boat, found, senders)))
 
