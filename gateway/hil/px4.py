@@ -90,7 +90,7 @@ class Px4Session(Session):
         self._parser.robust_parsing = True
         self._packer = mavlink.MAVLink(None, srcSystem=SYSTEM, srcComponent=COMPONENT)
         now = datetime.now(UTC)
-        self._unix_us = round(now.timestamp() * 1e6)
+        self._unix_us = 0  # when the boat began
         self._field = magnetic_field(self._place, now.year + now.month / 12.0)
         self._peer: Peer | None = None
         self._controls: tuple[float, ...] = (0.0,) * 16
@@ -152,6 +152,7 @@ class Px4Session(Session):
         text = "the firmware is there again: the boat starts anew" if again else "there is firmware"
         self.played.start("restart" if again else "there", text)
         self._peer, self._step, self._next = peer, 0, now
+        self._unix_us = round(datetime.now(UTC).timestamp() * 1e6)
         self._controls, self._lock_step = (0.0,) * 16, False
         self._ahead, self._may, self._answers = 0, 1, 0
 

@@ -181,6 +181,18 @@ def test_opposite_controls_turn_it_clockwise(plan, stand_in):
     assert last["HIL_SENSOR"].zgyro > 0.1
 
 
+def test_the_time_of_the_gps_counts_from_when_the_firmware_came(plan, stand_in):
+    """And not from when somebody began to wait for it: the log's clock would be early by that."""
+    with looping([plan], FAST):
+        for _ in range(2):
+            time.sleep(0.2)
+            began = time.time()
+            firmware = stand_in(plan)
+            heard = firmware.sail(0.0, 0.0, 0.02)
+            assert began <= heard["HIL_GPS"].time_usec * 1e-6 <= time.time()
+            firmware.close()
+
+
 def test_firmware_that_comes_again_finds_the_boat_at_its_start(plan, stand_in):
     with looping([plan], FAST) as running:
         firmware = stand_in(plan)
