@@ -12,6 +12,10 @@ sample is answered. Where controls stay away for a second, twice as many samples
 they are waited for again, up to 100 ms of them; after a second in which every sample was answered
 each is waited for.
 
+PX4 as a program keeps its first IMU in whole steps of 2000/32768 °/s and g/2048, cut towards zero
+(`SimulatorMavlink.cpp`, since v1.12): each yaw rate was 0.03 °/s too small. Half a step is added,
+which makes of the cut a rounding, as a sensor does it. A board takes the numbers as they are.
+
 The magnetic field is that of the World Magnetic Model at the place of the run: the firmware takes
 the declination that it expects from the same model.
 
@@ -21,7 +25,7 @@ outputs from PX4's pwm_out_sim.
 
 from datetime import UTC, datetime
 from functools import lru_cache
-from math import atan2, cos, degrees, hypot, sin
+from math import atan2, copysign, cos, degrees, hypot, radians, sin
 from typing import Any
 
 from pygeomag import GeoMag
@@ -49,6 +53,7 @@ TEMPERATURE_C = 15.0
 SOUNDER_CM = 30, 10_000  # nearest and farthest bottom that the echo sounder tells
 GAUSS_PER_NT = 1e-5
 LAST_DIGIT_GAUSS, LAST_DIGIT_HPA = 1e-5, 5e-4  # they move: numbers that never do are stale to PX4
+GYRO_STEP, ACCEL_STEP = radians(2000.0) / 2**15, 9.80665 / 2**11  # of PX4's simulated IMU 0
 SYSTEM, COMPONENT = 1, mavlink.MAV_COMP_ID_USER1  # of this side: there is no id for simulators
 
 
@@ -185,10 +190,19 @@ class Px4Session(Session):
         field = [axis + LAST_DIGIT_GAUSS * digit for axis in true_field]
         pressure = SEA_LEVEL_HPA + HPA_PER_M * r.position[2] + LAST_DIGIT_HPA * digit
         slow = MAGNETOMETER | BAROMETER if self._step % SLOW_STEPS == 0 else 0
+        accel, gyro = self._imu(r)
         return mavlink.MAVLink_hil_sensor_message(
-            time_us, *r.accel, *r.gyro, *field, pressure, 0.0, -r.position[2], TEMPERATURE_C,
+            time_us, *accel, *gyro, *field, pressure, 0.0, -r.position[2], TEMPERATURE_C,
             ACCELEROMETER | GYRO | slow, 0,
         )  # fmt: skip
+
+    def _imu(self, r: Readings) -> tuple[list[float], list[float]]:
+        """Accelerations, rates; for a program, which cuts, half a step more."""
+        more = 0.5 if self._lock_step else 0.0
+        return (
+            [f + copysign(more * ACCEL_STEP, f) for f in r.accel],
+            [w + copysign(more * GYRO_STEP, w) for w in r.gyro],
+        )
 
     def _gps(self, r: Readings) -> Any:
         (north, east, down), (vn, ve, vd) = r.position, r.velocity
