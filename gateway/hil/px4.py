@@ -53,6 +53,7 @@ TEMPERATURE_C = 15.0
 SOUNDER_CM = 30, 10_000  # nearest and farthest bottom that the echo sounder tells
 GAUSS_PER_NT = 1e-5
 LAST_DIGIT_GAUSS, LAST_DIGIT_HPA = 1e-5, 5e-4  # they move: numbers that never do are stale to PX4
+BOTH_WAYS_US, AHEAD_US = (1000.0, 1500.0, 2000.0), (1000.0, 1000.0, 2000.0)  # of pwm_out_sim
 GYRO_STEP, ACCEL_STEP = radians(2000.0) / 2**15, 9.80665 / 2**11  # of PX4's simulated IMU 0
 SYSTEM, COMPONENT = 1, mavlink.MAV_COMP_ID_USER1  # of this side: there is no id for simulators
 
@@ -66,6 +67,23 @@ def magnetic_field(place: Origin, year: float) -> tuple[float, float, float]:
         allow_date_outside_lifespan=True,
     )  # fmt: skip
     return found.x * GAUSS_PER_NT, found.y * GAUSS_PER_NT, found.z * GAUSS_PER_NT
+
+
+def limits_told(vessel: Vessel) -> str:
+    """That the log of firmware that runs as a program has other pulses; empty where it has not.
+
+    Its simulated outputs report −1 … 1, and 0 … 1 of a motor that does not reverse, as 1000 … 2000
+    µs, whatever the limits of the boat's own are.
+    """
+    servos = [actuator.servo for actuator in vessel.actuators]
+    odd = sorted({servo.channel for servo in servos if servo.pwm not in (BOTH_WAYS_US, AHEAD_US)})
+    if not odd:
+        return ""
+    return (
+        "PX4's own log and MAVLink tell all outputs in 1000 … 2000 µs, and the vessel file has "
+        f"other limits of {', '.join(map(str, odd))}: for them use a copy of it with "
+        "pwm = [1000, 1500, 2000], or [1000, 1000, 2000] of a motor that does not reverse"
+    )
 
 
 def pulses_of(controls: tuple[float, ...], vessel: Vessel) -> dict[int, float]:
@@ -97,6 +115,7 @@ class Px4Session(Session):
         now = datetime.now(UTC)
         self._unix_us = 0  # when the boat began
         self._field = magnetic_field(self._place, now.year + now.month / 12.0)
+        self._limits = limits_told(played.boat.vessel)
         self._peer: Peer | None = None
         self._controls: tuple[float, ...] = (0.0,) * 16
         self._step = 0
@@ -169,6 +188,8 @@ class Px4Session(Session):
         self._answers += 1
         self._ahead = 0
         self._lock_step = bool(message.flags & LOCK_STEP)
+        if self._lock_step and self._limits:
+            self.played.tell_once("limits", self._limits)
         controls = tuple(map(float, message.controls))
         if any(c != c for c in controls):
             self.played.notice("nan", "controls that are not a number; they are taken as 0")

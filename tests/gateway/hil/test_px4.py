@@ -203,6 +203,14 @@ def test_a_program_that_cuts_to_whole_steps_reads_what_a_sensor_rounds(plan, sta
         assert all(s == w for s, w in both)
 
 
+def test_that_the_log_of_a_program_has_other_pulses_is_said_once(plan, stand_in):
+    """A boat of 1100 … 1900 µs: half of its thrust stands in PX4's log as 1750 µs, not as 1700."""
+    for vessel, told in ((load_vessel("blueboat"), 1), (OTTER, 0)):
+        with looping([replace(plan, vessel=vessel)], FAST) as running:
+            stand_in(plan).sail(0.5, 0.5, 1.0)
+        assert len(running.said("pwm = [1000, 1500, 2000]")) == told
+
+
 def test_the_time_of_the_gps_counts_from_when_the_firmware_came(plan, stand_in):
     """And not from when somebody began to wait for it: the log's clock would be early by that."""
     with looping([plan], FAST):
