@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 
 from gateway.estimation import GATE_RECORDS, KINDS, STATES, FilterModel, FilterSettings, Flag, State
 from gateway.estimation.events import (
-    Event,
     Events,
     KalmanState,
     initialise,
@@ -32,7 +31,7 @@ from gateway.estimation.events import (
     update_gated,
     valid,
 )
-from gateway.estimation.model import Workspace, copy_matrix, new_workspace
+from gateway.estimation.model import Event, Workspace, copy_matrix, new_workspace
 from sim.kernel.compiled import compiled
 from sim.kernel.rows import set_row
 from sim.state import Floats, Ints

@@ -29,7 +29,6 @@ from numpy.typing import NDArray
 from gateway.estimation import GATE_RECORDS, KINDS, STATES, FilterModel, FilterSettings, Flag, State
 from gateway.estimation.events import (
     NO_GRID,
-    Event,
     Events,
     KalmanState,
     Timeline,
@@ -42,6 +41,7 @@ from gateway.estimation.filter import add_heading_error
 from gateway.estimation.model import (
     COLUMNS,
     ROWS,
+    Event,
     Workspace,
     copy_matrix,
     new_workspace,

@@ -242,6 +242,10 @@ class Played:
 
     count = notice
 
+    def tell_once(self, kind: str, text: str) -> None:
+        """A line that is said once, and counts for nothing."""
+        self._notices.once(kind, text)
+
 
 class Session(ABC):
     """What one protocol does with one boat. Bytes in, bytes out; no sockets."""

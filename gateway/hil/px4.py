@@ -12,6 +12,10 @@ sample is answered. Where controls stay away for a second, twice as many samples
 they are waited for again, up to 100 ms of them; after a second in which every sample was answered
 each is waited for.
 
+PX4 as a program keeps its first IMU in whole steps of 2000/32768 °/s and g/2048, cut towards zero
+(`SimulatorMavlink.cpp`, since v1.12): each yaw rate was 0.03 °/s too small. Half a step is added,
+which makes of the cut a rounding, as a sensor does it. A board takes the numbers as they are.
+
 The magnetic field is that of the World Magnetic Model at the place of the run: the firmware takes
 the declination that it expects from the same model.
 
@@ -21,7 +25,7 @@ outputs from PX4's pwm_out_sim.
 
 from datetime import UTC, datetime
 from functools import lru_cache
-from math import atan2, cos, degrees, hypot, sin
+from math import atan2, copysign, cos, degrees, hypot, radians, sin
 from typing import Any
 
 from pygeomag import GeoMag
@@ -49,6 +53,8 @@ TEMPERATURE_C = 15.0
 SOUNDER_CM = 30, 10_000  # nearest and farthest bottom that the echo sounder tells
 GAUSS_PER_NT = 1e-5
 LAST_DIGIT_GAUSS, LAST_DIGIT_HPA = 1e-5, 5e-4  # they move: numbers that never do are stale to PX4
+BOTH_WAYS_US, AHEAD_US = (1000.0, 1500.0, 2000.0), (1000.0, 1000.0, 2000.0)  # of pwm_out_sim
+GYRO_STEP, ACCEL_STEP = radians(2000.0) / 2**15, 9.80665 / 2**11  # of PX4's simulated IMU 0
 SYSTEM, COMPONENT = 1, mavlink.MAV_COMP_ID_USER1  # of this side: there is no id for simulators
 
 
@@ -61,6 +67,23 @@ def magnetic_field(place: Origin, year: float) -> tuple[float, float, float]:
         allow_date_outside_lifespan=True,
     )  # fmt: skip
     return found.x * GAUSS_PER_NT, found.y * GAUSS_PER_NT, found.z * GAUSS_PER_NT
+
+
+def limits_told(vessel: Vessel) -> str:
+    """That the log of firmware that runs as a program has other pulses; empty where it has not.
+
+    Its simulated outputs report −1 … 1, and 0 … 1 of a motor that does not reverse, as 1000 … 2000
+    µs, whatever the limits of the boat's own are.
+    """
+    servos = [actuator.servo for actuator in vessel.actuators]
+    odd = sorted({servo.channel for servo in servos if servo.pwm not in (BOTH_WAYS_US, AHEAD_US)})
+    if not odd:
+        return ""
+    return (
+        "PX4's own log and MAVLink tell all outputs in 1000 … 2000 µs, and the vessel file has "
+        f"other limits of {', '.join(map(str, odd))}: for them use a copy of it with "
+        "pwm = [1000, 1500, 2000], or [1000, 1000, 2000] of a motor that does not reverse"
+    )
 
 
 def pulses_of(controls: tuple[float, ...], vessel: Vessel) -> dict[int, float]:
@@ -90,8 +113,9 @@ class Px4Session(Session):
         self._parser.robust_parsing = True
         self._packer = mavlink.MAVLink(None, srcSystem=SYSTEM, srcComponent=COMPONENT)
         now = datetime.now(UTC)
-        self._unix_us = round(now.timestamp() * 1e6)
+        self._unix_us = 0  # when the boat began
         self._field = magnetic_field(self._place, now.year + now.month / 12.0)
+        self._limits = limits_told(played.boat.vessel)
         self._peer: Peer | None = None
         self._controls: tuple[float, ...] = (0.0,) * 16
         self._step = 0
@@ -152,6 +176,7 @@ class Px4Session(Session):
         text = "the firmware is there again: the boat starts anew" if again else "there is firmware"
         self.played.start("restart" if again else "there", text)
         self._peer, self._step, self._next = peer, 0, now
+        self._unix_us = round(datetime.now(UTC).timestamp() * 1e6)
         self._controls, self._lock_step = (0.0,) * 16, False
         self._ahead, self._may, self._answers = 0, 1, 0
 
@@ -163,6 +188,8 @@ class Px4Session(Session):
         self._answers += 1
         self._ahead = 0
         self._lock_step = bool(message.flags & LOCK_STEP)
+        if self._lock_step and self._limits:
+            self.played.tell_once("limits", self._limits)
         controls = tuple(map(float, message.controls))
         if any(c != c for c in controls):
             self.played.notice("nan", "controls that are not a number; they are taken as 0")
@@ -184,10 +211,19 @@ class Px4Session(Session):
         field = [axis + LAST_DIGIT_GAUSS * digit for axis in true_field]
         pressure = SEA_LEVEL_HPA + HPA_PER_M * r.position[2] + LAST_DIGIT_HPA * digit
         slow = MAGNETOMETER | BAROMETER if self._step % SLOW_STEPS == 0 else 0
+        accel, gyro = self._imu(r)
         return mavlink.MAVLink_hil_sensor_message(
-            time_us, *r.accel, *r.gyro, *field, pressure, 0.0, -r.position[2], TEMPERATURE_C,
+            time_us, *accel, *gyro, *field, pressure, 0.0, -r.position[2], TEMPERATURE_C,
             ACCELEROMETER | GYRO | slow, 0,
         )  # fmt: skip
+
+    def _imu(self, r: Readings) -> tuple[list[float], list[float]]:
+        """Accelerations, rates; for a program, which cuts, half a step more."""
+        more = 0.5 if self._lock_step else 0.0
+        return (
+            [f + copysign(more * ACCEL_STEP, f) for f in r.accel],
+            [w + copysign(more * GYRO_STEP, w) for w in r.gyro],
+        )
 
     def _gps(self, r: Readings) -> Any:
         (north, east, down), (vn, ve, vd) = r.position, r.velocity

@@ -75,7 +75,10 @@ def _heartbeats(log: Log, boat: Boat) -> Iterator[Row]:
     at = beats.receive_time_ns[own]
     armed = (beats.columns["base_mode"][own].astype(np.int64) & ARMED) > 0
     yield from _state_changes(at, armed.tolist(), ARMING)
-    yield from _state_changes(at, beats.columns["custom_mode"][own].tolist(), {})
+    if boat.autopilot == "PX4":
+        yield from _named_modes(beats, boat)
+    else:
+        yield from _state_changes(at, beats.columns["custom_mode"][own].tolist(), {})
 
 
 def _flash_states(log: Log) -> Iterator[Row]:
@@ -100,8 +103,14 @@ def _other_states(log: Log, boat: Boat) -> Iterator[Row]:
     if STATUS in counts:
         table = log.table(STATUS)
         with suppress(*UNREADABLE, KeyError):  # a log's own definition may lack the mode
-            for one in _mode_changes(table.receive_time_ns, table, boat):
-                yield one.time_ns, "autopilot", "info", f"mode {one.text.removeprefix('state ')}"
+            yield from _named_modes(table, boat)
+
+
+def _named_modes(table: Table, boat: Boat) -> Iterator[Row]:
+    """Changes of mode by their names, of PX4."""
+    for one in _mode_changes(table.receive_time_ns, table, boat):
+        name = one.text.removeprefix("state ").removeprefix("mode ")
+        yield one.time_ns, "autopilot", "info", f"mode {name}"
 
 
 def _state_changes(at: Any, states: list[Any], names: dict[Any, str]) -> Iterator[Row]:
@@ -209,6 +218,7 @@ PX4_MAIN = (
     "stabilised",
     "rattitude",
 )
+PX4_AUTO = {2: "take-off", 3: "hold", 4: "mission", 5: "return", 6: "land"}  # of the mode auto
 PX4_STATES = {  # vehicle_status.nav_state
     0: "manual", 1: "altitude", 2: "position", 3: "mission", 4: "hold", 5: "return", 10: "acro",
     14: "offboard", 15: "stabilised", 17: "take-off", 18: "land",
@@ -294,7 +304,9 @@ def _heartbeat(columns: _Columns) -> _Names:
 
     def name(k: int) -> str:
         if autopilot[k] == definitions.MAV_AUTOPILOT_PX4:
-            main = int(mode[k]) >> 16 & 0xFF
+            main, sub = int(mode[k]) >> 16 & 0xFF, int(mode[k]) >> 24
+            if main == PX4_MAIN.index("auto"):
+                return PX4_AUTO.get(sub, "auto")
             return PX4_MAIN[main] if 0 < main < len(PX4_MAIN) else f"mode {main}"
         return rover_mode(int(mode[k]))
 

@@ -32,6 +32,8 @@ from sim.state import Floats
 Column = Any  # a scalar or a (K,) array: mapping functions do not ask which
 Facts = tuple[tuple[Quantity, tuple[Column, ...]], ...]
 
+PX4_STOPPED_US = 900.0  # of an output that is disarmed or stopped: PX4's pwm_out_sim
+PX4_CONSTANT = 0  # of `estimator_faults`
 SHORTEST_US, LONGEST_US = 400.0, 2600.0  # outside these a servo gets no pulse that it understands
 FIX_2D = 2  # GNSS fix type
 LEVEL_RAD = 0.1  # of roll and pitch; chosen
@@ -64,20 +66,23 @@ STATUS_CONSTANT_POSITION = 128
 EKF_GATE = 0.8  # square root of the test ratio: ArduPilot's own failsafe (FS_EKF_THRESH)
 
 
-def estimator_faults(flags: Any, glitch: int, ratios: tuple[Any, ...]) -> Any:
+def estimator_faults(
+    flags: Any, glitch: int, ratios: tuple[Any, ...], constant: int = STATUS_CONSTANT_POSITION
+) -> Any:
     """Solution status of an autopilot's filter, square roots of its test ratios -> its faults.
 
-    The low bits are alike in EKF_STATUS_REPORT, ESTIMATOR_STATUS and XKF4; `glitch` is not. A ratio
-    of a sensor that there is not is NaN.
+    The low bits are alike in EKF_STATUS_REPORT, ESTIMATOR_STATUS and XKF4; `glitch` is not. With
+    `constant` the position is held and not measured; PX4 has no such bit: it sets ArduPilot's of a
+    healthy filter at rest too. A ratio of a sensor that there is not is NaN.
     """
     bits = np.asarray(flags, np.int64)
-    constant = (bits & STATUS_CONSTANT_POSITION) != 0
     largest = np.fmax.reduce(np.asarray(np.broadcast_arrays(*ratios), np.float64), axis=0)
     rejects = largest >= EKF_GATE
     wrong = (
         ((bits & STATUS_ATTITUDE) == 0) * int(EstimatorFault.ATTITUDE)
         + ((bits & STATUS_VELOCITY) == 0) * int(EstimatorFault.VELOCITY)
-        + (((bits & STATUS_POSITION) == 0) | constant) * int(EstimatorFault.POSITION)
+        + (((bits & STATUS_POSITION) == 0) | ((bits & constant) != 0))
+        * int(EstimatorFault.POSITION)
         + ((bits & glitch) != 0) * int(EstimatorFault.GLITCH)
         + rejects * int(EstimatorFault.REJECTS)
     )
@@ -208,19 +213,21 @@ def quaternion(q: Column) -> tuple[Column, ...]:
     return tuple(parts[..., i] for i in range(4))
 
 
-def servo_pulses(first: int, columns: list[Column]) -> Facts:
+def servo_pulses(first: int, columns: list[Column], stopped_us: float = np.nan) -> Facts:
     """Pulses [µs] of consecutive channels -> all 32 channels.
 
-    NaN for 0, 65535 and what no servo takes, and for the channels before and after.
+    NaN for 0, 65535 and what no servo takes, for the one by which an autopilot says that an output
+    is stopped (NaN: it has none), and for the channels before and after.
     """
     if isinstance(columns[0], int):  # one message: for so few numpy takes four times as long
         low, high, nan = SHORTEST_US, LONGEST_US, np.nan
         found = [nan] * (first - 1)
-        found += [float(width) if low <= width <= high else nan for width in columns]
+        found += [float(w) if low <= w <= high and w != stopped_us else nan for w in columns]
         found += [nan] * (CHANNELS - len(found))
         return ((Quantity.ACTUATORS, tuple(found)),)
     width = np.array(columns, dtype=np.float64)
-    pulses = list(only_where((width >= SHORTEST_US) & (width <= LONGEST_US), width))
+    taken = (width >= SHORTEST_US) & (width <= LONGEST_US) & (width != stopped_us)
+    pulses = list(only_where(taken, width))
     unreported = np.full(np.shape(pulses[0]), np.nan)
     values = [unreported] * (first - 1) + pulses
     return ((Quantity.ACTUATORS, tuple(values + [unreported] * (CHANNELS - len(values)))),)

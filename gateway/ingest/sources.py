@@ -114,6 +114,11 @@ class Choice:
         """The message that was chosen."""
         return self.samples.source
 
+    @property
+    def of_a_filter(self) -> bool:
+        """Whether an autopilot's filter made it, whatever the format calls the message."""
+        return self.samples.equivalent in OF_A_FILTER
+
 
 def choose(samples: Sequence[Samples]) -> Mapping[str, Choice]:
     """Samples of one boat -> the source of each quantity that has one."""

@@ -28,7 +28,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from gateway.errors import BadInput
 from gateway.ingest.mavlink.frames import ids_by_name
 from gateway.ingest.mavlink.mapping import from_heartbeat
-from gateway.links.transmitter import SET_RATE, Identity, ParameterRequests
+from gateway.links.transmitter import SET_RATE, WANTED, Identity, ParameterRequests
 
 MAX_RATE_HZ = 1000.0
 FULL_HZ: Mapping[str, float] = MappingProxyType(
@@ -58,6 +58,7 @@ RADIO_HZ: Mapping[str, float] = MappingProxyType(
     }
 )
 PRESETS: Mapping[str, Mapping[str, float]] = MappingProxyType({"full": FULL_HZ, "radio": RADIO_HZ})
+INSTEAD = {"PX4": {"EKF_STATUS_REPORT": "ESTIMATOR_STATUS"}}  # what tells the same of another EKF
 
 SECOND = 1_000_000_000
 ANSWER_TIMEOUTS_NS = (SECOND, 2 * SECOND, 4 * SECOND)  # of each try
@@ -148,17 +149,29 @@ class BoatRequests:
     last_ack: int = -1  # its sequence number: links repeat frames
     first_sequence: int = -1  # that of the heartbeat by which it was found; -1: not known
     counts: bool = False  # whether its sequence numbers were seen to change
+    autopilot: str = ""
 
     @classmethod
     def start(
-        cls, boat: Address, rates_hz: Mapping[str, float], now_ns: int, first_sequence: int = -1
+        cls,
+        boat: Address,
+        rates_hz: Mapping[str, float],
+        now_ns: int,
+        first_sequence: int = -1,
+        autopilot: str = "",
     ) -> "BoatRequests":
-        """Everything is to be asked for, now."""
-        return cls(boat, rates_hz, tuple(rates_hz), now_ns, first_sequence=first_sequence)
+        """Everything is to be asked for, now, by the names of that autopilot."""
+        names = INSTEAD.get(autopilot, {})
+        rates = {names.get(name, name): rate for name, rate in rates_hz.items()} | {
+            name: rate for name, rate in rates_hz.items() if name not in names
+        }
+        return cls(
+            boat, rates, tuple(rates), now_ns, first_sequence=first_sequence, autopilot=autopilot
+        )
 
     def again(self, rates_hz: Mapping[str, float], now_ns: int) -> "BoatRequests":
         """The same boat has forgotten it all."""
-        fresh = BoatRequests.start(self.boat, rates_hz, now_ns, self.first_sequence)
+        fresh = BoatRequests.start(self.boat, rates_hz, now_ns, self.first_sequence, self.autopilot)
         return replace(fresh, counts=self.counts)
 
     def due(self, now_ns: int) -> tuple["BoatRequests", RateRequest | None, RequestOutcome | None]:
@@ -292,8 +305,7 @@ class LinkRequests:
         kind = message.get_type()
         source = Address(message.get_srcSystem(), message.get_srcComponent())
         if kind == "HEARTBEAT" and (boat := from_heartbeat(message)) is not None:
-            ardupilot = boat.autopilot == "ArduPilot"
-            return self.found(source, now_ns, ardupilot, message.get_seq())
+            return self.found(source, now_ns, boat.autopilot, message.get_seq())
         if kind == "PARAM_VALUE" and source in self.parameters:
             answered = self.parameters[source].answered(message.param_id)
             return replace(self, parameters={**self.parameters, source: answered})
@@ -302,15 +314,16 @@ class LinkRequests:
         return self
 
     def found(
-        self, boat: Address, now_ns: int, ardupilot: bool = False, sequence: int = -1
+        self, boat: Address, now_ns: int, autopilot: str = "", sequence: int = -1
     ) -> "LinkRequests":
         """A boat's heartbeat came, with that number: the first one starts the requests."""
         if self.identity is None or boat in self.boats:
             return self
-        after = self._with(self._start(boat, now_ns, sequence))
-        if not ardupilot:
+        begun = BoatRequests.start(boat, self._wanted, now_ns, sequence, autopilot)
+        after = self._with(begun)
+        if autopilot not in WANTED:
             return after
-        asked = {**self.parameters, boat: ParameterRequests(*boat)}
+        asked = {**self.parameters, boat: ParameterRequests.of(*boat, autopilot)}
         return replace(after, parameters=asked)
 
     def rebooted(self, boat: Address, now_ns: int) -> "LinkRequests":
@@ -370,9 +383,6 @@ class LinkRequests:
     @property
     def _sends(self) -> bool:
         return self.identity is not None and (self.announce or bool(self.boats))
-
-    def _start(self, boat: Address, now_ns: int, sequence: int) -> BoatRequests:
-        return BoatRequests.start(boat, self._wanted, now_ns, sequence)
 
     @property
     def _wanted(self) -> Mapping[str, float]:

@@ -11,7 +11,7 @@ to read parameters.
 
 A shadow never commands a boat: every frame passes `permitted` before it reaches a transport.
 
-**Parameters** that an ArduPilot boat is asked for are those that tell how its telemetry came about.
+**Parameters** that a boat is asked for are those that tell how its telemetry came about.
 
 Reading changes nothing aboard. One name at a time and slowly, behind the requests for rates; what
 is not answered is asked once more, and then left. Pure: time comes from outside.
@@ -182,17 +182,24 @@ def _rate_request(message: Any) -> bool:
 
 GAP_NS = 200_000_000  # between two requests: answers share a radio with telemetry
 ROUNDS = 2
-SERVOS = 16
-WANTED = (
-    "INS_GYRO_FILTER",  # the delay of reported yaw rates
-    "GPS_DELAY_MS",
-    "GPS1_DELAY_MS",  # the same since 4.6
-    *(
-        f"SERVO{n}_{what}"
-        for what in ("FUNCTION", "TRIM", "MIN", "MAX", "REVERSED")
-        for n in range(1, SERVOS + 1)
+SERVOS, PX4_OUTPUTS = 16, 8
+WANTED = {
+    "ArduPilot": (
+        "INS_GYRO_FILTER",  # the delay of reported yaw rates
+        "GPS_DELAY_MS",
+        "GPS1_DELAY_MS",  # the same since 4.6
+        *(
+            f"SERVO{n}_{what}"
+            for what in ("FUNCTION", "TRIM", "MIN", "MAX", "REVERSED")
+            for n in range(1, SERVOS + 1)
+        ),
     ),
-)
+    "PX4": (
+        "IMU_GYRO_CUTOFF",  # the delay of reported yaw rates
+        "CA_R_REV",  # which motors reverse
+        *(f"PWM_{group}_FUNC{n}" for group in ("MAIN", "AUX") for n in range(1, PX4_OUTPUTS + 1)),
+    ),
+}
 
 
 @dataclass(frozen=True)
@@ -201,8 +208,13 @@ class ParameterRequests:
 
     system: int
     component: int
-    pending: tuple[str, ...] = ROUNDS * WANTED  # to be sent, the next one first
+    pending: tuple[str, ...]  # to be sent, the next one first
     due_ns: int = 0
+
+    @classmethod
+    def of(cls, system: int, component: int, autopilot: str) -> "ParameterRequests":
+        """All that a boat with that autopilot is asked for."""
+        return cls(system, component, ROUNDS * WANTED[autopilot])
 
     @property
     def next_ns(self) -> int | None:

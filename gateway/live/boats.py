@@ -71,6 +71,33 @@ class NewestTimes(NamedTuple):
     vehicle_time_ns: int
 
 
+class Head(NamedTuple):
+    """Who sent a frame of a message without a definition, and its number; asked as messages are."""
+
+    system: int
+    component: int
+    sequence: int
+
+    @classmethod
+    def of(cls, raw: bytes) -> "Head":
+        """Of the bytes of a frame; zeros where they are too few."""
+        at = 4 if raw[:1] == b"\xfd" else 2
+        sequence, system, component = raw[at : at + 3] if len(raw) > at + 2 else (0, 0, 0)
+        return cls(system, component, sequence)
+
+    def get_type(self) -> str:
+        """Nobody knows its name."""
+        return ""
+
+    def get_srcSystem(self) -> int:
+        """System id."""
+        return self.system
+
+    def get_srcComponent(self) -> int:
+        """Component id."""
+        return self.component
+
+
 class LiveBoat:
     """The shadow of one boat, fed by the loop."""
 
@@ -109,6 +136,9 @@ class LiveBoat:
         """
         waiting, origin = list[FilterInputs](), self._intake.origin
         for m, receive_time_ns in messages:
+            if isinstance(m, Head):
+                self.health.unread(receive_time_ns, m.component, m.sequence)
+                continue
             self.health.frame(receive_time_ns, m.get_type(), m.get_srcComponent(), m.get_seq())
             inputs = self._intake.take(m, receive_time_ns)
             rebooted = self._intake.reboots > self.reboots
@@ -365,9 +395,7 @@ class Fleet:
         by_system: dict[int, list[tuple[Any, int]]] = {}
         for datagram in datagrams:
             for frame in datagram.frames:
-                message = frame.message
-                if message is None:
-                    continue
+                message = Head.of(frame.raw) if frame.message is None else frame.message
                 if message.get_type() == "HEARTBEAT":
                     self._find_boat(message)
                 boat = self.boats.get(message.get_srcSystem())

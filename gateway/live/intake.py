@@ -33,7 +33,7 @@ from gateway.ingest.mapping import (
     to_degrees,
     to_local,
 )
-from gateway.ingest.mavlink.mapping import BY_SOURCE
+from gateway.ingest.mavlink.mapping import BY_SOURCE, rules_of
 from gateway.ingest.mavlink.mapping import RULES as MAVLINK
 from gateway.ingest.sources import PRIORITY
 from gateway.samples import CHANNELS, Measurement, Quantity
@@ -48,10 +48,6 @@ MAX_LOCAL_M = 1e6  # no local frame reaches further
 MAX_V, MAX_WIND_MPS = 1000.0, 100.0  # beyond these it is a damaged field
 
 STREAM = {rule.source: number for number, rule in enumerate(MAVLINK)}
-RULES = {
-    name: tuple(rule for rule in MAVLINK if rule.message == name)
-    for name in {rule.message for rule in MAVLINK}
-}
 RANK: Mapping[tuple[Quantity, str], tuple[str, int]] = {
     (quantity, source): (name, rank)
     for name, candidates in PRIORITY.items()
@@ -68,11 +64,16 @@ class BoatDecoder:
     def __init__(self, boat: Boat) -> None:
         self.boat = boat
         self.clock = BoatClock(len(MAVLINK))
+        rules = rules_of(boat)
+        self._rules = {
+            name: tuple(rule for rule in rules if rule.message == name)
+            for name in {rule.message for rule in rules}
+        }
 
     def measurements(self, message: Any, receive_time_ns: int) -> tuple[Measurement, ...]:
         """A pymavlink message of this boat and its receipt -> measurements, none if repeated."""
         found: list[Measurement] = []
-        for rule in RULES.get(message.get_type(), ()):
+        for rule in self._rules.get(message.get_type(), ()):
             if not rule.instance or instance_of(message, rule, rule.number) == rule.number:
                 found += self._by_rule(message, rule, receive_time_ns)
         return tuple(found)

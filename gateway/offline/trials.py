@@ -23,7 +23,7 @@ from gateway.ingest.mapping import Origin, actuators, moment_of
 from gateway.ingest.open import check_each_once, open_log
 from gateway.ingest.parameter_changes import first_parameters, outputs_changes
 from gateway.ingest.repeated import repeated_notice, repeated_spans
-from gateway.ingest.sources import OF_A_FILTER, Choice, choose
+from gateway.ingest.sources import Choice, choose
 from gateway.ingest.table_repair import repair_table, settings_for
 from gateway.offline import usable_time
 from gateway.offline.deviation import Deviation, with_deviation, without_deviation
@@ -346,7 +346,7 @@ class TrialSource:
             rates_hz={name: choice.rate_hz for name, choice in self.choices.items()},
             notices=(*self.contradictions, *self.notices),
             contradictions=self.contradictions,
-            filtered="velocity" in self.choices and self.choices["velocity"].source in OF_A_FILTER,
+            filtered="velocity" in self.choices and self.choices["velocity"].of_a_filter,
         )
 
     def _commands(self, edges: Floats) -> tuple[tuple[int, ...], Floats]:

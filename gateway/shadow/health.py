@@ -235,11 +235,9 @@ def _losses(log: Log, decoded: BoatSamples) -> Ints:
     """Receive time of every frame that the sequence numbers say is missing."""
     if not isinstance(log, MavlinkLog):
         return np.zeros(0, np.int64)
-    frames = log.frames
-    mine = (frames.headers.system == decoded.boat.system) & (
-        frames.headers.component == decoded.boat.component
-    )
-    number = frames.headers.sequence[mine].astype(np.int64)
+    numbers, times = log.frames.numbers, log.frames.numbers_time_ns
+    mine = (numbers.system == decoded.boat.system) & (numbers.component == decoded.boat.component)
+    number = numbers.sequence[mine].astype(np.int64)
     if not len(number):
         return np.zeros(0, np.int64)
     steps = (np.diff(number) + LATE_IN_LOG) % 256 - LATE_IN_LOG
@@ -248,7 +246,7 @@ def _losses(log: Log, decoded: BoatSamples) -> Ints:
     came[number[number >= number[0]] - number[0]] = True
     absent = np.flatnonzero(~came) + number[0]
     noticed = np.searchsorted(np.maximum.accumulate(number), absent)
-    return np.sort(frames.receive_time_ns[mine][noticed])
+    return np.sort(times[mine][noticed])
 
 
 @dataclass
@@ -295,6 +293,12 @@ class LiveHealth:
         numbers = self.numbers.setdefault(component, SequenceNumbers(sequence - 1, receive_ns))
         self.received_ns = receive_ns
         self.frames.append((receive_ns, name))
+        if lost := numbers.note(sequence, receive_ns):
+            self.lost.append((receive_ns, lost))
+
+    def unread(self, receive_ns: int, component: int, sequence: int) -> None:
+        """A frame of a message without a definition: it was not lost."""
+        numbers = self.numbers.setdefault(component, SequenceNumbers(sequence - 1, receive_ns))
         if lost := numbers.note(sequence, receive_ns):
             self.lost.append((receive_ns, lost))
 

@@ -143,6 +143,7 @@ class Alarm:
     before       the last seconds, `ONSET_S` and one, oldest first, each with the estimate before it
     adrift       the motors rest, or did when the model was last right: what was wrong of a boat
                  under way is not right again because her motors rest
+    resting      the motors rest now
     """
 
     estimate: DisturbanceEstimate
@@ -155,6 +156,7 @@ class Alarm:
     reported_at: float = -np.inf
     before: tuple[tuple[DisturbanceEstimate, SecondMeans], ...] = ()
     adrift: bool = False
+    resting: bool = False
 
     @classmethod
     def start(cls, estimator: DisturbanceEstimator) -> "Alarm":
@@ -200,7 +202,7 @@ class Alarm:
             estimate = _since_onset(estimator, before)
         now = replace(
             self, estimate=estimate, misfit=misfit, errors=errors, before=before,
-            adrift=self.adrift if misfit.wrong else not drives,
+            adrift=self.adrift if misfit.wrong else not drives, resting=not drives,
         )  # fmt: skip
         explanation = now.cause, now.cause is Cause.NOTHING and not now.too_early
         if explanation == self.explanation:
@@ -285,6 +287,9 @@ class Alarm:
             return False
         if self.explanation == UNTOLD and self.reported[0] is not Cause.NOTHING:
             return False  # what was told stays: the same water seen for longer is no less seen
+        nothing = self.explanation[0] is Cause.NOTHING
+        if nothing and definite and self.resting and not self.adrift:
+            return False  # a motor that rests shows no fault
         return self.explanation != self.reported or self._moved()
 
     def _moved(self) -> bool:

@@ -175,10 +175,14 @@ def record_starts(data: Bytes, at: Index) -> bool:
 @compiled
 def walk_records(
     data: Bytes, seeds: NDArray[np.int16], table: NDArray[np.uint16]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Bytes of a .tlog -> where accepted frames start (K,), counts of `Tally`."""
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Bytes of a .tlog -> where accepted frames start (K,), and those of messages without a
+    definition (L,), counts of `Tally`.
+    """
     # room for as many records as these bytes can hold: growing inside the loop costs half the speed
-    offset, count = np.empty(len(data) // SHORTEST_RECORD + 1, np.int64), 0
+    room = len(data) // SHORTEST_RECORD + 1
+    offset, count = np.empty(room, np.int64), 0
+    unread, unknown = np.empty(room, np.int64), 0
     tally = np.zeros(4, np.int64)
     at = done = np.int64(0)  # done: end of the last record that was counted
     tail = np.int64(-1)  # where a record begins that the end cuts
@@ -196,6 +200,9 @@ def walk_records(
             continue
         refused = verdict in (BAD_CHECKSUM, UNKNOWN)
         if refused and at >= done and (end == len(data) or record_starts(data, end)):
+            if verdict == UNKNOWN:
+                unread[unknown] = at + STAMP
+                unknown += 1
             tally[0 if verdict == BAD_CHECKSUM else 1] += 1
             tally[2] += at - done
             done = end
@@ -207,7 +214,7 @@ def walk_records(
         tail = max(at, done)
     tally[2] += tail - done
     tally[3] = tail < len(data)
-    return offset[:count].copy(), tally
+    return offset[:count].copy(), unread[:unknown].copy(), tally
 
 
 @compiled
@@ -217,9 +224,12 @@ def check_frames(
     end: NDArray[np.int64],
     seeds: NDArray[np.int16],
     table: NDArray[np.uint16],
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Stretches data[start:end] of one frame each -> which are accepted (K,), counts of `Tally`."""
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Stretches data[start:end] of one frame each -> which are accepted (K,), which are of messages
+    without a definition (L,), counts of `Tally`.
+    """
     accepted, count = np.empty(len(start), np.int64), 0
+    unread, unknown = np.empty(len(start), np.int64), 0
     tally = np.zeros(4, np.int64)
     for i in range(len(start)):
         verdict, length = examine(data, start[i], end[i], seeds, table)
@@ -229,10 +239,13 @@ def check_frames(
         elif verdict == BAD_CHECKSUM:
             tally[0] += 1
         elif verdict == UNKNOWN:
+            if start[i] + length == end[i]:
+                unread[unknown] = i
+                unknown += 1
             tally[1] += 1
         else:
             tally[2] += end[i] - start[i]
-    return accepted[:count].copy(), tally
+    return accepted[:count].copy(), unread[:unknown].copy(), tally
 
 
 class Headers(NamedTuple):

@@ -8,7 +8,7 @@ A file whose stamps go back again and again is in disorder itself, where its seq
 more nearly whole in the order of the stamps: then that is the order of receipt.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -48,7 +48,12 @@ from gateway.ingest.mavlink.frames import (
     read_stamps,
     walk_records,
 )
-from gateway.ingest.mavlink.mapping import RULES, from_heartbeats, from_motion
+from gateway.ingest.mavlink.mapping import (
+    AUTOPILOT_INVALID,
+    from_heartbeats,
+    from_motion,
+    rules_of,
+)
 from gateway.ingest.mavlink.senders import (
     SeveralSenders,
     components_notice,
@@ -138,6 +143,9 @@ def continuity(data: Bytes, h: Headers) -> tuple[int, int, int]:
     return max(lost - late, 0), late, doubled  # a late frame's empty place was counted as a loss
 
 
+AUTOPILOT_BYTE = 5  # of the payload of HEARTBEAT
+
+
 @dataclass(frozen=True)
 class Frames:
     """Accepted frames: their checksum holds and their message is known.
@@ -147,12 +155,17 @@ class Frames:
     receive_time_ns  (K,)  int64 Unix ns
     statistics             what was found while they were read
     several                sources (system, component) that several senders share: how many they are
+    numbers                headers of the accepted frames and of those of messages without a
+                           definition, which have a sequence number too
+    numbers_time_ns        their receipt, int64 Unix ns
     """
 
     data: NDArray[np.uint8]
     headers: Headers
     receive_time_ns: Ints
     statistics: Statistics
+    numbers: Headers
+    numbers_time_ns: Ints
     _groups: tuple[Ints, Ints] = field(repr=False)
     several: SeveralSenders = field(default_factory=dict)
     _tables: dict[str, Table] = field(default_factory=dict, init=False, repr=False)
@@ -161,17 +174,19 @@ class Frames:
     def from_records(cls, raw: bytes) -> "Frames":
         """The frames of a .tlog: each behind its time stamp."""
         data = np.frombuffer(raw, np.uint8)
-        offset, tally = walk_records(data, checksum_seeds(), checksum_table())
-        return _described(data, offset, read_stamps(data, offset), tally)
+        offset, unread, tally = walk_records(data, checksum_seeds(), checksum_table())
+        both = np.concatenate([offset, unread])
+        return _described(data, both, read_stamps(data, both), len(offset), tally)
 
     @classmethod
     def from_buffer(cls, raw: bytes, start: Ints, end: Ints, receive_time_ns: Ints) -> "Frames":
         """One frame in each raw[start:end] (K,); those that do not hold are counted, not kept."""
         data = np.frombuffer(raw, np.uint8)
         start, end = np.asarray(start, np.int64), np.asarray(end, np.int64)
-        accepted, tally = check_frames(data, start, end, checksum_seeds(), checksum_table())
-        times = np.asarray(receive_time_ns, np.int64)[accepted]
-        return _described(data, start[accepted], times, tally)
+        accepted, unread, tally = check_frames(data, start, end, checksum_seeds(), checksum_table())
+        both = np.concatenate([accepted, unread])
+        times = np.asarray(receive_time_ns, np.int64)[both]
+        return _described(data, start[both], times, len(accepted), tally)
 
     def __len__(self) -> int:
         return len(self.headers.offset)
@@ -213,24 +228,34 @@ class Frames:
         return columns(payloads.view(plan.dtype), plan.fields)
 
 
-def _described(data: NDArray[np.uint8], offset: Ints, times: Ints, tally: Ints) -> Frames:
-    """Frames in order of receipt, with their headers read and their statistics counted."""
-    steps, backwards = (int((np.diff(times) < limit).sum()) for limit in (-STEP_BACK, 0))
-    headers, notes = read_headers(data, offset), tuple[str, ...]()
+def _described(
+    data: NDArray[np.uint8], offset: Ints, times: Ints, accepted: int, tally: Ints
+) -> Frames:
+    """Frames in order of receipt, with their headers read and their statistics counted.
+
+    The first `accepted` of those at `offset` are, the others are of messages without a definition.
+    """
+    steps, backwards = (int((np.diff(times[:accepted]) < limit).sum()) for limit in (-STEP_BACK, 0))
+    placed = np.argsort(offset, kind="stable")
+    known, offset, times = placed < accepted, offset[placed], times[placed]
+    numbers, notes = read_headers(data, offset), tuple[str, ...]()
     if steps > MAX_STEPS:
-        order = _by_stamp(times, headers.sequence)
+        order = _by_stamp(times, numbers.sequence)
         by_stamp = read_headers(data, offset[order])
-        if continuity(data, by_stamp)[0] <= continuity(data, headers)[0]:
-            headers, times, notes = by_stamp, times[order], (_disorder(steps),)
+        if continuity(data, by_stamp)[0] <= continuity(data, numbers)[0]:
+            numbers, times, known, notes = by_stamp, times[order], known[order], (_disorder(steps),)
         else:
             notes = (_flapping(steps),)
-    for array in (*headers, times):
+    headers, receive_time_ns = Headers._make(column[known] for column in numbers), times[known]
+    for array in (*headers, receive_time_ns, *numbers, times):
         array.setflags(write=False)
-    several = series_of(headers)
-    found = _statistics(data, headers, tally, several)
-    statistics = replace(found, time_backwards=backwards, notes=(*notes, *found.notes))
+    several = series_of(numbers)
+    found = _statistics(data, numbers, tally, several)
+    statistics = replace(
+        found, accepted=accepted, time_backwards=backwards, notes=(*notes, *found.notes)
+    )
     groups = group(headers.message_id, max(definitions()))
-    return Frames(data, headers, times, statistics, groups, several)
+    return Frames(data, headers, receive_time_ns, statistics, numbers, times, groups, several)
 
 
 def _by_stamp(times: Ints, sequence: NDArray[np.uint8]) -> Ints:
@@ -247,7 +272,7 @@ def _statistics(
     data: NDArray[np.uint8], headers: Headers, tally: Ints, several: SeveralSenders
 ) -> Statistics:
     """What was found; of sources of several senders frames are lost in each series by itself."""
-    lost, late, doubled = continuity(data, _without(headers, several))
+    lost, late, doubled = continuity(data, _without(headers, [*several, *passed_on(data, headers)]))
     lost += sum(lost_of for _, lost_of in several.values())
     return Statistics(
         size_bytes=len(data),
@@ -265,12 +290,24 @@ def _statistics(
     )
 
 
-def _without(headers: Headers, several: SeveralSenders) -> Headers:
+def passed_on(data: NDArray[np.uint8], headers: Headers) -> list[tuple[int, int]]:
+    """Sources (system, component) that say they are no autopilot: ground stations, companions.
+
+    A boat or a router that passes their frames on chooses among them: numbers that are missing
+    tell of no loss.
+    """
+    beats = np.flatnonzero((headers.message_id == 0) & (headers.payload_length > AUTOPILOT_BYTE))
+    autopilot = data[headers.payload_offset[beats] + AUTOPILOT_BYTE]
+    none = beats[autopilot == AUTOPILOT_INVALID]
+    return sorted({(int(headers.system[i]), int(headers.component[i])) for i in none})
+
+
+def _without(headers: Headers, sources: Collection[tuple[int, int]]) -> Headers:
     """The headers of all other sources."""
-    if not several:
+    if not sources:
         return headers
     of_source = headers.system.astype(np.int64) * 256 + headers.component
-    others = ~np.isin(of_source, [system * 256 + component for system, component in several])
+    others = ~np.isin(of_source, [system * 256 + component for system, component in sources])
     return Headers._make(column[others] for column in headers)
 
 
@@ -342,7 +379,7 @@ class MavlinkLog(Log):
         return tuple(sorted(found, key=lambda boat: (boat.system, -len(motion_of(self, boat)))))
 
     def decode(self, boat: Boat) -> BoatSamples:
-        found = decode_tables(self, boat, RULES)
+        found = decode_tables(self, boat, rules_of(boat))
         senders, _ = self.frames.several.get((boat.system, boat.component), (1, 0))
         notices = *senders_notice(boat, found, senders), *components_notice(self, boat)
         return replace(found, notices=(*found.notices, *notices))

@@ -8,6 +8,7 @@ Source: the common and ardupilotmega message definitions.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,8 @@ from pymavlink.dialects.v20 import ardupilotmega as definitions
 from gateway.ingest.log import Boat, Log, Table
 from gateway.ingest.mapping import (
     FIX_2D,
+    PX4_CONSTANT,
+    PX4_STOPPED_US,
     UNIX_FROM_US,
     Column,
     Counter,
@@ -138,16 +141,16 @@ def highres_imu(m: Any) -> Facts:
     )
 
 
-def servo_output_raw(first: int) -> Callable[[Any], Facts]:
+def servo_output_raw(first: int, stopped_us: float = np.nan) -> Callable[[Any], Facts]:
     """SERVO_OUTPUT_RAW of one port -> 16 channels; MAVLink 1 has eight of them."""
     names = [f"servo{i}_raw" for i in range(1, 17)]
-    return lambda m: servo_pulses(first, [getattr(m, name, 0) for name in names])
+    return lambda m: servo_pulses(first, [getattr(m, name, 0) for name in names], stopped_us)
 
 
 def actuator_output_status(m: Any) -> Facts:
-    """ACTUATOR_OUTPUT_STATUS -> channels 1 to 32, where they are pulses at all."""
+    """ACTUATOR_OUTPUT_STATUS, of PX4 -> channels 1 to 32, where they are pulses at all."""
     outputs = np.asarray(m.actuator, dtype=np.float64)
-    return servo_pulses(1, [outputs[..., i] for i in range(CHANNELS)])
+    return servo_pulses(1, [outputs[..., i] for i in range(CHANNELS)], PX4_STOPPED_US)
 
 
 def heartbeat(m: Any) -> Facts:
@@ -191,7 +194,8 @@ def ekf_status_report(m: Any) -> Facts:
 def estimator_status(m: Any) -> Facts:
     """ESTIMATOR_STATUS -> the same of PX4's, whose ratios are roots already, as ArduPilot's are."""
     ratios = m.vel_ratio, m.pos_horiz_ratio, m.mag_ratio
-    return ((Quantity.ESTIMATOR, (estimator_faults(m.flags, ESTIMATOR_GLITCH, ratios),)),)
+    faults = estimator_faults(m.flags, ESTIMATOR_GLITCH, ratios, PX4_CONSTANT)
+    return ((Quantity.ESTIMATOR, (faults,)),)
 
 
 def wind(m: Any) -> Facts:
@@ -247,13 +251,24 @@ RULES: tuple[Rule, ...] = (
     Rule("WIND_COV", as_given({Quantity.WIND: "wind_x wind_y"}), Counter.RECEIPT),
 )
 BY_SOURCE = {rule.source: rule for rule in RULES}
+PX4_PULSES = {
+    "SERVO_OUTPUT_RAW": servo_output_raw(1, PX4_STOPPED_US),
+    "SERVO_OUTPUT_RAW/1": servo_output_raw(17, PX4_STOPPED_US),
+}
+PX4_RULES = tuple(replace(rule, facts=PX4_PULSES.get(rule.source, rule.facts)) for rule in RULES)
+
+
+def rules_of(boat: Boat) -> tuple[Rule, ...]:
+    """The rules for the messages of a boat, in the order of `RULES`."""
+    return PX4_RULES if boat.autopilot == AUTOPILOTS[PX4] else RULES
 
 
 GROUND_STATION = 6  # MAV_TYPE_GCS
 AUTOPILOT_COMPONENT = 1
 SENT_BY_BOATS = ("ATTITUDE", "GLOBAL_POSITION_INT", "LOCAL_POSITION_NED", "SERVO_OUTPUT_RAW")
 VTOLS, VTOL = {*range(19, 26), 47}, "VTOL aircraft"  # definitions call some of them "reserved"
-AUTOPILOTS = {3: "ArduPilot", 12: "PX4", 0: "generic autopilot"}
+ARDUPILOT, PX4 = 3, 12  # MAV_AUTOPILOT_…
+AUTOPILOTS = {ARDUPILOT: "ArduPilot", PX4: "PX4", 0: "generic autopilot"}
 
 
 def from_heartbeats(table: Table) -> tuple[Boat, ...]:

@@ -17,6 +17,8 @@ import numpy as np
 
 from gateway.ingest.mapping import (
     FIX_2D,
+    PX4_CONSTANT,
+    PX4_STOPPED_US,
     STATUS_ATTITUDE,
     STATUS_POSITION,
     STATUS_VELOCITY,
@@ -47,7 +49,9 @@ OUTPUTS = "actuator_outputs"
 COMMANDS = ("actuator_motors", "actuator_servos")  # of the allocation, whatever drives them
 ESTIMATORS = ("estimator_status", "estimator_status_flags")  # one instance for each EKF that runs
 PORTS, PORT = 2, 16  # instances of outputs that have channels, and how many each has
-FAULTY = 0b11_0110_0000_1111  # heading, horizontal velocity and position met a numerical error
+# heading, horizontal position met a numerical error; horizontal velocity did until v1.14 at bits
+# that say since v1.15 that the vertical accelerometer is bad, which it is in a sea
+FAULTY = 0b11_0000_0000_1111
 REJECTED = 0b100_0011  # horizontal velocity, position, yaw
 
 
@@ -130,7 +134,8 @@ def outputs(first: int) -> Callable[[Any], Facts]:
     """One instance of actuator_outputs, of pulses -> 16 channels."""
 
     def facts(m: Any) -> Facts:
-        return _where_any(servo_pulses(first, [m.output[..., i] for i in range(16)]))
+        pulses = [m.output[..., i] for i in range(16)]
+        return _where_any(servo_pulses(first, pulses, PX4_STOPPED_US))
 
     return facts
 
@@ -171,7 +176,7 @@ def estimator_status(m: Any) -> Facts:
     ratios = (m.vel_test_ratio, m.pos_test_ratio, heading)
     well = STATUS_ATTITUDE | STATUS_VELOCITY | STATUS_POSITION  # where nothing tells otherwise
     flags = _bits(getattr(m, "solution_status_flags", np.full(np.shape(heading), well)))
-    told = estimator_faults(flags, ESTIMATOR_GLITCH, ratios)
+    told = estimator_faults(flags, ESTIMATOR_GLITCH, ratios, PX4_CONSTANT)
     rejected = _bits(getattr(m, "innovation_check_flags", 0)) & REJECTED
     wrong = ((_bits(getattr(m, "filter_fault_flags", 0)) & FAULTY) | rejected) != 0
     return ((Quantity.ESTIMATOR, (_with_rejects(told, wrong),)),)
@@ -179,12 +184,13 @@ def estimator_status(m: Any) -> Facts:
 
 def estimator_flags(m: Any) -> Facts:
     """estimator_status_flags -> the same as far as it tells: what is rejected, what went wrong."""
-    names = ("reject_hor_vel", "reject_hor_pos", "reject_yaw", "fs_bad_hdg", "fs_bad_vel_n",
-             "fs_bad_vel_e", "fs_bad_pos_n", "fs_bad_pos_e")  # fmt: skip
-    flags = np.stack([_bits(getattr(m, name)) for name in names]).any(axis=0)
+    told = [_bits(getattr(m, name)) for name in ("reject_hor_vel", "reject_hor_pos", "reject_yaw")]
+    until_v1_14 = ("fs_bad_vel_n", "fs_bad_vel_e", "fs_bad_pos_n", "fs_bad_pos_e")
+    told += [_bits(getattr(m, name)) for name in ("fs_bad_hdg", *until_v1_14) if hasattr(m, name)]
+    flags = np.stack(told).any(axis=0)
     none = (_bits(m.cs_tilt_align) == 0) | (_bits(m.cs_yaw_align) == 0)
-    told = none * float(EstimatorFault.ATTITUDE)
-    return ((Quantity.ESTIMATOR, (_with_rejects(told, flags),)),)
+    faults = none * float(EstimatorFault.ATTITUDE)
+    return ((Quantity.ESTIMATOR, (_with_rejects(faults, flags),)),)
 
 
 def _bits(flags: Column) -> Ints:

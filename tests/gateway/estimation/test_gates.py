@@ -16,8 +16,9 @@ from gateway.estimation import (
     State,
 )
 from gateway.estimation import events as rules
-from gateway.estimation.events import NO_GRID, Event, Events, join, make_events, ticks, timelines
+from gateway.estimation.events import NO_GRID, Events, join, make_events, ticks, timelines
 from gateway.estimation.filter import Estimator
+from gateway.estimation.model import Event
 
 ESTIMATOR = Estimator()
 YAW, RATE, VELOCITY, POSITION = (

@@ -12,7 +12,7 @@ from dataclasses import replace
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from gateway.hil.px4 import STEP_S, magnetic_field, pulses_of, quaternion
+from gateway.hil.px4 import GYRO_STEP, STEP_S, magnetic_field, pulses_of, quaternion
 from gateway.hil.run import LoopOptions, LoopPlan
 from gateway.ingest.mapping import Origin
 from gateway.vessel_file import load_vessel
@@ -179,6 +179,48 @@ def test_opposite_controls_turn_it_clockwise(plan, stand_in):
     with looping([plan], FAST):
         last = stand_in(plan).sail(0.5, -0.5, 2.0)
     assert last["HIL_SENSOR"].zgyro > 0.1
+
+
+@pytest.mark.parametrize("flags", [1, 0])
+def test_a_program_that_cuts_to_whole_steps_reads_what_a_sensor_rounds(plan, stand_in, flags):
+    """As PX4's `SimulatorMavlink` keeps its first IMU; a board, not in lock-step, keeps floats."""
+    with looping([plan], FAST):
+        firmware = stand_in(plan)
+        sent, true = {}, {}
+        for k in range(400):
+            side = 0.5 if k < 100 else -0.5
+            firmware.controls(side, -side, flags=flags)
+            sensor = firmware.sensor()
+            sent[sensor.time_usec] = sensor.zgyro
+            state = firmware.last.get("HIL_STATE_QUATERNION", sensor)  # of the sensor before
+            true[state.time_usec] = getattr(state, "yawspeed", 0.0)
+    both = [(sent[t], true[t]) for t in sorted(sent.keys() & true.keys())[5:]]
+    assert min(w for _, w in both) < -0.02
+    assert max(w for _, w in both) > 0.02
+    if flags:
+        assert all(int(s / GYRO_STEP) == round(w / GYRO_STEP) for s, w in both)
+    else:
+        assert all(s == w for s, w in both)
+
+
+def test_that_the_log_of_a_program_has_other_pulses_is_said_once(plan, stand_in):
+    """A boat of 1100 … 1900 µs: half of its thrust stands in PX4's log as 1750 µs, not as 1700."""
+    for vessel, told in ((load_vessel("blueboat"), 1), (OTTER, 0)):
+        with looping([replace(plan, vessel=vessel)], FAST) as running:
+            stand_in(plan).sail(0.5, 0.5, 1.0)
+        assert len(running.said("pwm = [1000, 1500, 2000]")) == told
+
+
+def test_the_time_of_the_gps_counts_from_when_the_firmware_came(plan, stand_in):
+    """And not from when somebody began to wait for it: the log's clock would be early by that."""
+    with looping([plan], FAST):
+        for _ in range(2):
+            time.sleep(0.2)
+            began = time.time()
+            firmware = stand_in(plan)
+            heard = firmware.sail(0.0, 0.0, 0.02)
+            assert began <= heard["HIL_GPS"].time_usec * 1e-6 <= time.time()
+            firmware.close()
 
 
 def test_firmware_that_comes_again_finds_the_boat_at_its_start(plan, stand_in):

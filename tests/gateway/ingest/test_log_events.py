@@ -18,6 +18,7 @@ from tests.conftest import ROOT
 from tests.gateway.command_line import Run
 from tests.gateway.ingest import made_table
 from tests.gateway.ingest.dataflash_writer import voyage_log
+from tests.gateway.ingest.scripted import Script
 from tests.gateway.ingest.ulog_writer import TOPICS, UlogWriter, as_ulog
 from tests.gateway.offline.test_replay import TABLE_COLUMNS
 
@@ -120,6 +121,18 @@ def test_a_ulog_tells_arming_and_modes_those_without_a_name_by_number(tmp_path: 
     (boat,) = boats_of(log)
     texts = [one.text for one in log_events(log, boat)]
     assert texts == ["armed", "mode mission", "disarmed", "mode 99"]
+
+
+def test_the_modes_of_px4_have_their_names_in_mavlink_too() -> None:
+    """The numbers that its firmware sent in position, mission, hold, return and manual mode."""
+    script = Script()
+    for k, mode in enumerate((0x30000, 0x4040000, 0x3040000, 0x5040000, 0x10000, 0x630000)):
+        script.send(float(k), dialect.MAVLink_heartbeat_message(11, 12, 1, mode, 4, 3))
+    log = script.log()
+    (boat,) = boats_of(log)
+    texts = [one.text for one in log_events(log, boat)]
+    named = ["position", "mission", "hold", "return", "manual", "99"]
+    assert texts == ["disarmed", *(f"mode {name}" for name in named)]
 
 
 def px4_log(writer: UlogWriter, folder: Path) -> Log:

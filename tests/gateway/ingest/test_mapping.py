@@ -282,6 +282,33 @@ def test_a_fix_that_is_lost_is_told_though_its_message_is_stamped_with_the_last_
     assert len(places) == 10
 
 
+@pytest.mark.parametrize(("autopilot", "stopped"), [(12, np.nan), (3, 900.0)])
+def test_an_output_that_px4_has_stopped_has_no_pulse(autopilot: int, stopped: float) -> None:
+    """PX4's simulated outputs as it sent them: astern, then one motor stopped; others never set."""
+    script = Script()
+    script.send(0.0, heartbeat(autopilot=autopilot))
+    for k, (left, right) in enumerate([(1250, 1250), (1250, 900)]):
+        script.send(0.2 * k, attitude(100.0 + 0.2 * k))
+        script.send(0.2 * k, servo(100.0 + 0.2 * k, left, right, *[900] * 14))
+    log = script.log()
+    boat = choose_boat(log)
+    (bulk,) = log.decode(boat).of(Quantity.ACTUATORS)
+    decoder = BoatDecoder(boat)
+    told = [one for at, message in script.sent for one in decoder.measurements(message, at)]
+    live = [one.values for one in told if one.quantity is Quantity.ACTUATORS]
+    np.testing.assert_array_equal(np.array(live), bulk.values)
+    np.testing.assert_array_equal(
+        bulk.values[:, :3], [[1250.0, 1250.0, stopped], [1250.0, stopped, stopped]]
+    )
+
+
+def test_an_ekf_of_px4_that_rests_has_its_position() -> None:
+    """As the firmware said it of a boat that lay disarmed, armed, and before the GPS was used."""
+    said = [0b1110111111, 0b1100111111, 0b10100101]
+    messages = [dialect.MAVLink_estimator_status_message(1, f, *[0.1] * 8) for f in said]
+    assert [facts(m)[Quantity.ESTIMATOR] for m in messages] == [(0.0,), (0.0,), (6.0,)]
+
+
 def test_rows_of_other_systems_and_components_are_not_mixed_in() -> None:
     script = Script()
     for k in range(20):

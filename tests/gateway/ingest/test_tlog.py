@@ -229,6 +229,35 @@ def test_lost_frames_are_counted_over_the_wrap_and_by_source() -> None:
     assert (found.lost, found.duplicates) == (3, 0)
 
 
+def newer(frame: bytes) -> bytes:
+    """The frame under the number of a message that is not defined here: its checksum is unknown."""
+    return frame[:7] + (400_000).to_bytes(3, "little") + frame[10:]
+
+
+def test_a_frame_of_a_message_without_a_definition_is_not_lost() -> None:
+    mav = packer()
+    sent = [newer(heartbeat(mav)) if k % 4 == 1 else heartbeat(mav) for k in range(20)]
+    del sent[11]
+    whole = tlog(*sent)
+    found = tlog_from_bytes(whole).statistics
+    assert (found.accepted, found.unknown_messages, found.lost) == (14, 5, 1)
+    ends = np.cumsum([8 + len(frame) for frame in sent])
+    starts = ends - [len(frame) for frame in sent]
+    of_recording = Frames.from_buffer(whole, starts, ends, np.arange(len(sent))).statistics
+    assert of_recording == found
+
+
+def test_numbers_of_a_ground_station_whose_frames_are_passed_on_tell_of_no_loss() -> None:
+    boat, ground = packer(1), packer(255)
+    sent = []
+    for _ in range(20):
+        station = dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3).pack(ground)
+        ground.seq = (ground.seq + 31) % 256
+        sent += [heartbeat(boat), station]
+    del sent[10]
+    assert tlog_from_bytes(tlog(*sent)).statistics.lost == 1
+
+
 def test_a_doubled_frame_is_no_loss() -> None:
     mav = packer()
     sent = [heartbeat(mav) for _ in range(5)]

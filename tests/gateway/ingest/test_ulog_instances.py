@@ -197,7 +197,9 @@ def estimator(
         ({"faults": 1 << 5}, EstimatorFault(0)),  # airspeed
         ({"flags": WELL & ~1}, EstimatorFault.ATTITUDE),
         ({"flags": WELL | 1 << 10}, EstimatorFault.GLITCH),
-        ({"flags": WELL | 1 << 7}, EstimatorFault.POSITION),
+        ({"flags": WELL | 1 << 7}, EstimatorFault(0)),  # at rest
+        ({"flags": WELL & ~0x18}, EstimatorFault.POSITION),
+        ({"faults": 1 << 10}, EstimatorFault(0)),  # since v1.15 the vertical accelerometer
     ],
 )
 def test_what_the_ekf_says_of_itself_is_read(report: dict[str, float], fault: int) -> None:
@@ -220,6 +222,28 @@ def test_the_newer_name_of_the_heading_and_the_flags_alone_are_read() -> None:
     status, told = decoded(writer).of(Quantity.ESTIMATOR)
     assert status.values.tolist() == [[16.0]]
     assert told.values.tolist() == [[0.0], [16.0], [1.0]]
+
+
+def test_the_flags_of_newer_firmware_are_read_which_lack_velocity_and_position() -> None:
+    flags = "cs_tilt_align cs_yaw_align fs_bad_hdg reject_hor_vel reject_hor_pos reject_yaw"
+    only_flags = ";".join(f"bool {name}" for name in flags.split())
+    writer = UlogWriter(topics={"estimator_status_flags": only_flags})
+    writer.add("estimator_status_flags", SECOND, 1, 1, 0, 0, 0, 0)
+    writer.add("estimator_status_flags", SECOND * 2, 1, 1, 1, 0, 0, 0)
+    found = decoded(writer)
+    assert found.notices == ()
+    (told,) = found.of(Quantity.ESTIMATOR)
+    assert told.values.tolist() == [[0.0], [16.0]]
+
+
+def test_a_stopped_output_of_the_simulated_driver_has_no_pulse() -> None:
+    writer = UlogWriter()
+    writer.add("actuator_outputs", SECOND, 1700.0, 900.0, *[900.0] * 14)
+    writer.add("actuator_outputs", 2 * SECOND, 900.0, 1250.0, *[900.0] * 14)
+    (pulses,) = decoded(writer).of(Quantity.ACTUATORS)
+    assert pulses.values[:, 0] == pytest.approx([1700.0, NAN], nan_ok=True)
+    assert pulses.values[:, 1] == pytest.approx([NAN, 1250.0], nan_ok=True)
+    assert not np.isfinite(pulses.values[:, 2:]).any()
 
 
 def test_a_report_without_the_state_of_the_solution_tells_the_rest() -> None:

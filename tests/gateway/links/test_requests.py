@@ -252,10 +252,28 @@ def test_parameters_are_read_once_behind_the_rates_and_what_is_missing_once_more
     play.answer()
     assert parameters_asked(play, 0.9) == []  # the second rate is not answered yet
     play.answer()
-    assert parameters_asked(play, 1.0) == list(WANTED[:5])
-    for name in WANTED[1:]:
+    wanted = WANTED["ArduPilot"]
+    assert parameters_asked(play, 1.0) == list(wanted[:5])
+    for name in wanted[1:]:
         take(play, boat.frame(dialect.MAVLink_param_value_message(name.encode(), 1.0, 9, 99, 3)))
-    assert parameters_asked(play, 100.0) == [WANTED[0]]  # the one that was not answered
+    assert parameters_asked(play, 100.0) == [wanted[0]]  # the one that was not answered
+
+
+def test_px4_is_asked_for_what_it_has():
+    play, boat = Play({"ATTITUDE": 50.0, "EKF_STATUS_REPORT": 1.0}), Autopilot()
+    take(play, boat.frame(dialect.MAVLink_heartbeat_message(11, 12, 0, 0, 4, 3)))
+    assert play.accept_all() == [("ATTITUDE", 0), ("ESTIMATOR_STATUS", 0)]
+    asked = parameters_asked(play, 100.0)
+    assert {"IMU_GYRO_CUTOFF", "PWM_MAIN_FUNC1"} <= set(asked)
+    assert not any(name.startswith(("SERVO", "INS_", "GPS")) for name in asked)
+    play.requests = play.requests.rebooted(BOAT, play.now)
+    assert play.accept_all() == [("ATTITUDE", 0), ("ESTIMATOR_STATUS", 0)]
+
+
+def test_a_rate_of_px4s_own_name_counts_before_that_of_the_other():
+    play = Play({"ESTIMATOR_STATUS": 5.0, "EKF_STATUS_REPORT": 1.0})
+    play.requests = play.requests.found(BOAT, 0, "PX4")
+    assert play.requests.boats[BOAT].rates_hz == {"ESTIMATOR_STATUS": 5.0}
 
 
 def test_another_autopilot_and_a_silent_link_are_not_asked_for_parameters():

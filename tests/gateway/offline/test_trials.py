@@ -13,6 +13,7 @@ from gateway.estimation.events import join, make_events
 from gateway.estimation.smoother import smooth
 from gateway.fleet.analysis import summary_of
 from gateway.ingest.open import open_log
+from gateway.ingest.ulog.log import ulog_from_bytes
 from gateway.offline import usable_time
 from gateway.offline.trials import (
     AS_REPORTED,
@@ -44,6 +45,7 @@ from tests.gateway.ingest.scripted import (
     vfr_hud,
 )
 from tests.gateway.ingest.test_parameters import parameter
+from tests.gateway.ingest.ulog_writer import as_ulog
 from tests.sim.voyages import WAM_V, simulated
 
 SPEED, RATE = 1.5, 0.1  # m/s, rad/s
@@ -71,6 +73,14 @@ def circle(
 def one(script: Script, options: TrialOptions = DEFAULT_TRIALS) -> Trial:
     (trial,) = trials_of(script.log(), options=options)
     return trial
+
+
+def test_the_velocities_of_a_ulog_are_of_a_filter_too() -> None:
+    """Of the real firmware's an exact mass lay outside an interval as narrow as without one."""
+    log = ulog_from_bytes(as_ulog(ROOT / "recordings" / "otter_piece.tlog").bytes())
+    trial = trials_of(log)[0]
+    assert trial.sources["velocity"] == "vehicle_local_position"
+    assert trial.filtered
 
 
 def test_a_steady_turn_is_found_as_it_was() -> None:

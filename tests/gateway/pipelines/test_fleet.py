@@ -89,6 +89,21 @@ def test_only_the_autopilots_own_words_are_heard() -> None:
     assert orjson.loads(payload)["rate_hz"] == 2 / 5
 
 
+def test_a_message_without_a_definition_is_not_lost() -> None:
+    """PX4 sends some; one more frame is missing."""
+    harbour, mav = Harbour(BoatPlan(WAMV)).beat(1), dialect.MAVLink(None, 1, 1)
+    said, frames = dialect.MAVLink_attitude_message(1000, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0), []
+    for k in range(21):
+        raw = said.pack(mav)
+        mav.seq += 1
+        frames.append(Frame(raw, None) if k % 3 == 1 else Frame(raw, mav.decode(bytearray(raw))))
+    del frames[13]
+    list(harbour.fleet.datagrams([Datagram("l", 10**18 + 1, tuple(frames))]))
+    (payload,) = harbour.fleet.boats[1].health.row(10**18 + 2, 0, 0).payloads
+    heard = sum(frame.message is not None for frame in frames) + 1  # and the heartbeat
+    assert orjson.loads(payload)["loss"] == pytest.approx(1 / (1 + heard))
+
+
 def test_a_vessel_for_any_boat_follows_the_first_and_no_other() -> None:
     harbour = Harbour(BoatPlan(WAMV)).beat(9, 1, 9, *range(10, 251))
     assert list(harbour.fleet.boats) == [9]

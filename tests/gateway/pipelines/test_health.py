@@ -63,6 +63,14 @@ def test_late_and_repeated_frames_are_not_lost() -> None:
     assert {row["loss"] for row in health(doubled).values()} == {0.0}
 
 
+def test_messages_without_a_definition_are_not_lost() -> None:
+    raw = frames(voyage(12.0))
+    number = (400_000).to_bytes(3, "little")
+    for k in range(20, len(raw), 7):
+        raw[k] = raw[k][:15] + number + raw[k][18:]
+    assert {row["loss"] for row in health(raw).values()} == {0.0}
+
+
 def test_a_burst_that_is_lost_counts_whole() -> None:
     said = voyage(12.0)
     raw = frames(said)

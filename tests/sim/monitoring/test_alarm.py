@@ -102,6 +102,27 @@ def test_a_weak_motor_is_not_right_again_because_it_rests(
     assert alarm.misfit.wrong is rests
 
 
+@pytest.mark.parametrize(
+    ("explanation", "resting", "adrift", "told"),
+    [
+        ((Cause.NOTHING, True), True, False, False),
+        ((Cause.NOTHING, True), False, False, True),
+        ((Cause.NOTHING, True), True, True, True),  # wrong of a boat that drifted all the time
+        ((Cause.CURRENT, False), True, False, True),
+    ],
+)
+def test_a_motor_that_was_named_stays_named_while_it_rests(
+    estimator: DisturbanceEstimator, explanation: tuple[Cause, bool], resting: bool, adrift: bool,
+    told: bool,
+) -> None:  # fmt: skip
+    """Disarmed beside PX4: "thruster right giving 46 % less" became "no one cause stands out"."""
+    alarm = replace(
+        Alarm.start(estimator), explanation=explanation, explanation_since=100.0,
+        reported=(Cause.THRUST, False), reported_at=0.0, resting=resting, adrift=adrift,
+    )  # fmt: skip
+    assert alarm._has_news(200.0) is told
+
+
 def test_a_current_that_sets_in_and_ends_is_told_with_its_cause(
     estimator: DisturbanceEstimator,
 ) -> None:

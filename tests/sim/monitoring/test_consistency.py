@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sim.monitoring import Balance
-from sim.monitoring.consistency import Misfit, transition
+from sim.monitoring.consistency import WRONG_ABOVE, Misfit, transition
 from tests.sim.monitoring.live_seconds import seconds
 
 
@@ -81,6 +81,23 @@ def test_one_outlier_is_no_misfit() -> None:
         errors = np.full((2, 3), 100.0 if k in (30, 31) else 0.0)
         misfit = misfit.observe(replace(second, time=float(k), errors=errors), SLOW, (5, 10))
         assert not misfit.wrong
+
+
+def test_a_model_is_wrong_only_by_an_error_that_clearly_exceeds_the_noise() -> None:
+    """ "The model is wrong (off by 0.046 m/s sideways, noise explains 0.052)" was said."""
+    quiet = next(iter(seconds(1)))
+    rough = replace(quiet, variance=100.0 * quiet.variance + 0.01)
+    for often, wrong in ((5, True), (2, False)):
+        misfit = Misfit()
+        for k in range(80):  # small errors in quiet seconds, none in rough ones
+            judged = quiet if k % 5 < often else rough
+            floor = 0.05 if judged is quiet else 0.0
+            errors = np.tile([0.0, 6.0 * floor, 0.0], (2, 1))
+            misfit = misfit.observe(replace(judged, time=float(k), errors=errors), SLOW, (5, 10))
+        assert misfit.wrong is wrong
+        error, noise = misfit.errors
+        assert bool(error[1] > 1.4 * noise[1]) is wrong
+        assert misfit.level > WRONG_ABOVE
 
 
 def test_a_transition_is_that_of_the_linear_model() -> None:
