@@ -8,7 +8,7 @@ from gateway.figures import probability_text
 from sim.comparison.compare import Judgement, Standing, judge
 from sim.diagnosis.answer import Diagnosis, LadderStep, Verdict, fitted_values, recordings_of
 from sim.diagnosis.evidence import rivals
-from sim.diagnosis.thresholds import MAX_FLOORS_OF_DRIFT
+from sim.diagnosis.thresholds import MAX_FLOORS_OF_GIVEN
 from sim.effects.effect import Effect
 from sim.effects.words import FittedValues
 from sim.identification import BASE, MASSES
@@ -276,7 +276,7 @@ def _answer_texts(d: Diagnosis) -> tuple[str, ...]:
             return ("These data cannot tell whether anything is missing: noise hides the motion.",)
         far = max((abs(share) for share, _ in _beyond_interval(last)), default=0.0)
         if d.base_changed and far > FAR_MOVED:
-            if d.ladder[0].heldout.nrmse <= MAX_FLOORS_OF_DRIFT * d.noise_floor:
+            if d.ladder[0].heldout.nrmse <= MAX_FLOORS_OF_GIVEN * d.noise_floor:
                 return ("Nothing is missing that these data could tell.",
                         "Other numbers than the vessel file's predict a little better "
                         f"({moved_numbers(last)}); errors of the measured velocities that last may "

@@ -31,7 +31,7 @@ from sim.vessel import AddedEffect
 from tests.sim.diagnosis.rankings import starts
 from tests.sim.voyages import WAM_V
 
-FAR = (1.5, 1.5, 1.0)  # of what is stated as noise, in u, v, r: more than drift leaves
+FAR = (2.0, 2.0, 1.0)  # of what is stated as noise, in u, v, r: more than drift leaves
 
 
 def selection(won: float = 100.0, name: str = "hull_lift", steps: int = 1) -> Any:
@@ -84,9 +84,10 @@ def test_an_error_far_above_the_noise_is_not_explained() -> None:
     [
         (0.102, (1.0, 0.99, 1.32), False),  # an exact model under an EKF's and a GPS's drift
         (0.15, (1.26, 1.24, 1.15), False),  # 0.07 m/s that last 5 s: 1.9 floors
-        (0.102, (1.5, 0.99, 1.32), True),
+        (0.102, (2.0, 0.99, 1.32), True),
         (0.102, (1.0, 0.99, 2.1), True),
-        (0.176, (1.0, 0.99, 1.32), True),  # two floors and a half
+        (0.168, (1.53, 1.58, 1.08), False),  # 0.1 m/s that last 8 s: 2.4 floors
+        (0.21, (1.0, 0.99, 1.32), True),  # three floors
     ],
 )
 def test_free_runs_that_drift_are_no_sign_where_moments_are_as_stated(last, share, told) -> None:
@@ -97,12 +98,12 @@ def test_free_runs_that_drift_are_no_sign_where_moments_are_as_stated(last, shar
 
 
 @pytest.mark.parametrize(
-    ("error", "low", "told"), [(0.234, 0.103, False), (0.234, 0.13, True), (0.33, 0.103, True)]
+    ("error", "low", "told"), [(0.25, 0.103, False), (0.25, 0.13, True), (0.33, 0.103, True)]
 )
 def test_one_turn_the_other_way_makes_no_stranger(error: float, low: float, told: bool) -> None:
     """78 % of the squared error of an exact model lay in 7 % of the time."""
     left = replace(step(error), heldout=HeldOutScore(error, (low, 0.385)))
-    assert is_above_noise((), [step(0.25), left], 0.079, (0.94, 0.97, 1.19)) is told
+    assert is_above_noise((), [step(0.27), left], 0.079, (0.94, 0.97, 1.19)) is told
 
 
 def test_the_drift_of_free_runs_is_said_of_a_model_that_is_whole() -> None:
@@ -273,7 +274,8 @@ def errors(ladder: Sequence[LadderStep]) -> list[float]:
 
 def test_more_than_the_stated_noise_in_surge_or_sway_is_no_noise() -> None:
     found = [named("hull_lift")]
-    assert is_above_stated([], (1.6, 0.6, 0.6))
+    assert is_above_stated([], (2.1, 0.6, 0.6))
+    assert not is_above_stated([], (1.58, 1.53, 1.08))  # velocity errors that last
     assert is_above_stated(found, (0.6, 2.6, 0.6))
     assert not is_above_stated([], (0.8, 0.8, 9.0))  # gusts
     assert not is_above_stated(found, (1.6, 0.6, 0.6))  # nature's own form
