@@ -128,7 +128,9 @@ def _held_pulses(decoded: BoatSamples, choices: Mapping[str, Choice], epoch_ns: 
     family = command_family(decoded, choices)
     if not family:
         return HeldSeries(np.zeros(0), np.zeros((0, CHANNELS)))
-    parts = [_changed_midway(held_series(samples, epoch_ns)) for samples in family]
+    parts = [held_series(samples, epoch_ns) for samples in family]
+    if not decoded.tabular:  # a row of a table holds the commands from its time on
+        parts = [_changed_midway(part) for part in parts]
     times = np.unique(np.concatenate([part.time for part in parts]))
     return HeldSeries(times, merged_channels(family, [part.at(times) for part in parts]))
 
