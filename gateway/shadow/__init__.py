@@ -128,21 +128,9 @@ def _held_pulses(decoded: BoatSamples, choices: Mapping[str, Choice], epoch_ns: 
     family = command_family(decoded, choices)
     if not family:
         return HeldSeries(np.zeros(0), np.zeros((0, CHANNELS)))
+    times = seconds(np.unique(np.concatenate([s.vehicle_time_ns for s in family])), epoch_ns)
     parts = [held_series(samples, epoch_ns) for samples in family]
-    if not decoded.tabular:  # a row of a table holds the commands from its time on
-        parts = [_changed_midway(part) for part in parts]
-    times = np.unique(np.concatenate([part.time for part in parts]))
     return HeldSeries(times, merged_channels(family, [part.at(times) for part in parts]))
-
-
-def _changed_midway(series: HeldSeries) -> HeldSeries:
-    """Samples of what may change at any moment: each holds from midway after the one before.
-
-    Held from its own moment on, every change comes late by half the time between two samples: at
-    five a second a light boat turned 0.1 s before her commands.
-    """
-    step = np.diff(series.time, prepend=series.time[:1])
-    return HeldSeries(series.time - 0.5 * np.where(step < MAX_SAMPLED_S, step, 0.0), series.values)
 
 
 def command_family(decoded: BoatSamples, choices: Mapping[str, Choice]) -> list[Samples]:
@@ -162,7 +150,6 @@ def merged_channels(family: list[Samples], pulses: list[Floats]) -> Floats:
     return merged
 
 
-MAX_SAMPLED_S = 1.0  # between two samples; after a longer gap nothing tells when it changed
 MOTION = ("yaw", "yaw rate", "velocity", "position")  # what the filter takes, by `PRIORITY`
 SILENCE_S = 0.25  # without motion for this long, ticks take over …
 TICK_S = 0.1
