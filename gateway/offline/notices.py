@@ -67,7 +67,7 @@ def outputs_without_actuator(trials: Sequence[Trial], vessel: Vessel) -> list[st
         channel
         for trial in trials
         for channel, pwm in zip(trial.channels, trial.pwm[trial.usable].T, strict=True)
-        if channel not in known and _spread(pwm) > MOVES_US
+        if channel not in known and spread_of(pwm) > MOVES_US
     }
     if not moving:
         return []
@@ -77,7 +77,7 @@ def outputs_without_actuator(trials: Sequence[Trial], vessel: Vessel) -> list[st
             "file lacks, another boat's log, or a camera?"]  # fmt: skip
 
 
-def _spread(pwm: Floats) -> float:
+def spread_of(pwm: Floats) -> float:
     """Standard deviation of the pulses that there are [µs]."""
     pulses = pwm[np.isfinite(pwm)]
     return float(np.std(pulses)) if len(pulses) else 0.0

@@ -16,12 +16,14 @@ from pydantic import ValidationError
 
 from gateway.errors import BadInput
 from gateway.files import write_whole
-from gateway.ingest.log import Log, choose_floating
+from gateway.ingest.log import BoatSamples, Log, choose_floating
 from gateway.ingest.mapping import THRUST_FUNCTIONS, Actuator, OutputFunction, actuators
 from gateway.ingest.open import takes_mapping
 from gateway.ingest.parameter_changes import outputs_notice
 from gateway.ingest.px4_outputs import named_only, named_outputs
 from gateway.number_keys import file_key
+from gateway.offline.notices import MOVES_US, spread_of
+from gateway.samples import Quantity
 from gateway.toml_file import MAX_TOLD, explain, shortened
 from gateway.vessel_file import (
     dump_vessel,
@@ -108,9 +110,31 @@ def init_vessel(
 
 
 def initial_notices(log: Log, system: int | None = None) -> list[str]:
-    """What makes an initial vessel file doubtful: outputs that were set otherwise in its log."""
-    told = outputs_notice(log, choose_floating(log, system, anyway=True))
-    return [f"{text}; this file has the last values" for text in told]
+    """What makes an initial vessel file doubtful: outputs that its log sets otherwise, or that move
+    and are not in it.
+    """
+    boat = choose_floating(log, system, anyway=True)
+    told = [f"{text}; this file has the last values" for text in outputs_notice(log, boat)]
+    parameters = log.parameters(boat)
+    known = {a.channel for a in actuators(parameters)}
+    for channel in sorted(moving_channels(log.decode(boat)) - known):
+        function = parameters.get(f"SERVO{channel}_FUNCTION")
+        named = "" if function is None else f" (SERVO{channel}_FUNCTION {function:g})"
+        told.append(
+            f"output {channel} moves too, and its parameters{named} do not say that it drives the "
+            "boat: add it by hand if it does"
+        )
+    return told
+
+
+def moving_channels(decoded: BoatSamples) -> set[int]:
+    """Outputs whose pulses move by more than noise."""
+    found = set[int]()
+    for samples in decoded.of(Quantity.ACTUATORS):
+        first, last = samples.channels
+        moves = (spread_of(pulses) > MOVES_US for pulses in samples.values[:, first - 1 : last].T)
+        found |= {first + k for k, does in enumerate(moves) if does}
+    return found
 
 
 def initial_vessel_dict(
@@ -156,6 +180,9 @@ def first_vessel(
         raise BadInput(f"{log_path}: no vessel comes of that: {explain(error)}") from None
 
 
+ASIDE = "assumed straight ahead: motors of an X or a cross point aside: give azimuth, in radians"
+
+
 def initial_vessel(
     name: str, found: list[Actuator], size: BoatSize, given: frozenset[str] = frozenset()
 ) -> tuple[Vessel, dict[str, Provenance]]:
@@ -185,7 +212,13 @@ def initial_vessel(
         thrusters=thrusters,
         rudders=rudders,
     )
-    return vessel, _provenance(vessel, given)
+    marks = _provenance(vessel, given)
+    marks |= {
+        f"thrusters.{thruster.name}.azimuth": Provenance(says=ASIDE)
+        for a, thruster in zip(motors, thrusters, strict=True)
+        if a.motor is not None
+    }
+    return vessel, marks
 
 
 def _names(found: Sequence[Actuator]) -> list[str]:

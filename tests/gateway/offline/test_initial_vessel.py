@@ -7,8 +7,8 @@ import pytest
 from gateway.errors import BadInput, ShadowError
 from gateway.ingest.log import Log
 from gateway.ingest.open import open_log
-from gateway.offline.vessel import check_size, init_vessel, initial_notices
-from gateway.vessel_file import load_vessel
+from gateway.offline.vessel import ASIDE, check_size, init_vessel, initial_notices
+from gateway.vessel_file import load_vessel, read_vessel_file
 from sim.model import Model
 from tests.gateway.pipelines.sailing import SERVOS, parameters, tlog, voyage
 
@@ -43,6 +43,15 @@ def test_outputs_that_are_set_otherwise_in_the_log_are_told(tmp_path: Path) -> N
     assert told.startswith("SERVO1_REVERSED changes from 0 to 1 at ")
     assert told.endswith("; this file has the last values")
     assert initial_notices(log(tmp_path)) == []
+
+
+def test_an_output_that_moves_and_is_not_in_the_file_is_told(tmp_path: Path) -> None:
+    """A bow thruster on an output without a function was left out in silence."""
+    sent = [*parameters(servo(1, 73.0) | {"SERVO2_FUNCTION": 0.0}), *voyage(60.0)]
+    (told,) = initial_notices(open_log(tlog(tmp_path / "boat.tlog", sent)))
+    assert told.startswith("output 2 moves too, and its parameters (SERVO2_FUNCTION 0) do not say")
+    sent = [*parameters(SERVOS), *voyage(60.0)]
+    assert initial_notices(open_log(tlog(tmp_path / "whole.tlog", sent))) == []
 
 
 def test_the_boat_reaches_the_speed_that_was_given(tmp_path: Path) -> None:
@@ -102,6 +111,8 @@ def test_four_motors_stand_at_the_corners(tmp_path: Path) -> None:
     assert {(t.position[0] > 0, t.position[1] > 0) for t in thrusters} == {
         (a, b) for a in (True, False) for b in (True, False)
     }
+    origins = read_vessel_file(out).provenance
+    assert [origins[f"thrusters.{t.name}.azimuth"].says for t in thrusters] == [ASIDE] * 4
 
 
 def refused(folder: Path, source: Log, given: dict[str, float] | None = None) -> str:
