@@ -77,6 +77,10 @@ def judge(error: float, floor: float) -> Judgement:
 MIN_TIMES_NOISE = np.array([1.5, 1.5, 3.0])
 MIN_SHARE_OF_MOTION = np.array([0.0, 0.0, 0.1])
 CHANNEL_NAMES = ("surge", "sway", "turning")
+CHANNELS_IN_WORDS = (("surge", "m/s", 1.0), ("sway", "m/s", 1.0), ("turning", "°/s", 180.0 / np.pi))
+MIN_WORSE_RATIO = (
+    1.25  # of the errors of one velocity, for the better of two files to be worse in it
+)
 
 
 @dataclass(frozen=True)
@@ -300,6 +304,7 @@ class Improvement:
     ci95    of their ratio, over blocks of time; None where there are too few
     noise   both errors are no more than noise
     but     conditions in which the better one is worse, as people say them
+    worse   channels in which it errs clearly more, as people say them
     unsure  the free runs are cut short, for errors of their start grow, and in the first half
             second of each, where they have not grown yet, the better one is hardly better
     """
@@ -311,6 +316,7 @@ class Improvement:
     ci95: tuple[float, float] | None
     noise: bool
     but: tuple[str, ...]
+    worse: tuple[str, ...] = ()
     unsure: bool = False
 
     @property
@@ -348,13 +354,14 @@ class Improvement:
                 f"({100 * falls[0]:.0f} to {100 * falls[1]:.0f} %)"
             )
         where = f"everywhere but at {', '.join(self.but)}" if self.but else "everywhere"
+        more = f"; but it errs by more in {' and in '.join(self.worse)}" if self.worse else ""
         steady = (
             "; but hardly in the first half second of each run: an error of the start grows on "
             "this hull, and on one that is too steady it does not"
         )
         return (
             f"{better} is better than {worse} on {self.log}: the error falls by {100 * fall:.0f} % "
-            f"({100 * falls[0]:.0f} to {100 * falls[1]:.0f} %), {where}{steady * self.unsure}"
+            f"({100 * falls[0]:.0f} to {100 * falls[1]:.0f} %), {where}{more}{steady * self.unsure}"
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -363,6 +370,7 @@ class Improvement:
         return {
             "log": self.log, "first": self.first, "second": self.second, "ratio": self.ratio,
             **interval, "clear": self.clear, "but": list(self.but), "says": self.sentence,
+            **({"errs_more_in": list(self.worse)} if self.worse else {}),
             **({"unsure": True} if self.unsure else {}),
         }  # fmt: skip
 
@@ -388,8 +396,19 @@ def improvement(first: Comparison, second: Comparison) -> Improvement:
     but = () if noise else _exceptions(better, worse, floor)
     return Improvement(
         first.log, first.vessel, second.vessel, (first.nrmse, second.nrmse),
-        _interval(first, second), noise, but, unsure=_is_unsure(better, worse),
+        _interval(first, second), noise, but, _channels_that_got_worse(better, worse),
+        _is_unsure(better, worse),
     )  # fmt: skip
+
+
+def _channels_that_got_worse(better: Comparison, worse: Comparison) -> tuple[str, ...]:
+    """Velocities in which the better of two errs clearly more, and by more than noise."""
+    out, noise = list[str](), better.ruler.noise
+    for k, (name, unit, factor) in enumerate(CHANNELS_IN_WORDS):
+        after, before = (float(one.scores.rmse["uvr"[k]]) for one in (better, worse))
+        if after > MIN_WORSE_RATIO * max(before, float(noise[k])):
+            out.append(f"{name} ({before * factor:.2g} → {after * factor:.2g} {unit})")
+    return tuple(out)
 
 
 def _is_unsure(better: Comparison, worse: Comparison) -> bool:

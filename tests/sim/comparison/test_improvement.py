@@ -132,3 +132,13 @@ def test_of_two_at_the_noise_the_nearer_is_told_where_blocks_of_time_tell_it(end
     one = Improvement("log", "a", "b", (1.0, ratio), ends, True, ())
     assert one.sentence == f"a and b on log: {said}"
     assert not one.clear  # neither is wrong
+
+
+def test_a_velocity_in_which_the_better_one_errs_more_is_told(found) -> None:
+    """ "Better by 44 %, everywhere" was said of a file whose surge had grown from 0.14 to 0.19."""
+    rmse = {**found["far"].scores.rmse, "u": 0.5 * found["near"].scores.rmse["u"]}
+    far = replace(found["far"], scores=replace(found["far"].scores, rmse=rmse))
+    (one,) = improvements([far, found["near"]])
+    assert one.worse == (f"surge ({rmse['u']:.2g} → {2 * rmse['u']:.2g} m/s)",)
+    assert one.sentence.endswith(f"%), everywhere; but it errs by more in {one.worse[0]}")
+    assert one.to_dict()["errs_more_in"] == list(one.worse)
