@@ -28,9 +28,9 @@ def same_voyage_notices(trials: Sequence[Trial]) -> list[str]:
         seconds = seconds_alike(one, other)
         if seconds >= MIN_COMMON_S:
             out.append(
-                f"{one.name} and {other.name} turn alike by the clock for {seconds:.0f} s: of one "
-                "voyage, they count twice and only seem surer, and neither is unseen; give one of "
-                "them"
+                f"{one.name} and {other.name} turn alike by the clock for {seconds:.0f} s: if "
+                "they are of one voyage it counts twice, it only seems surer, and neither is "
+                "unseen; then give one of them"
             )
     return out
 

@@ -290,11 +290,9 @@ class LiveHealth:
 
     def frame(self, receive_ns: int, name: str, component: int, sequence: int) -> None:
         """A frame of the boat came in."""
-        numbers = self.numbers.setdefault(component, SequenceNumbers(sequence - 1, receive_ns))
         self.received_ns = receive_ns
         self.frames.append((receive_ns, name))
-        if lost := numbers.note(sequence, receive_ns):
-            self.lost.append((receive_ns, lost))
+        self.unread(receive_ns, component, sequence)
 
     def unread(self, receive_ns: int, component: int, sequence: int) -> None:
         """A frame of a message without a definition: it was not lost."""

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from sim.comparison import (
+    DEGREES,
     Bin,
     ErrorMap,
     Place,
@@ -77,10 +78,8 @@ def judge(error: float, floor: float) -> Judgement:
 MIN_TIMES_NOISE = np.array([1.5, 1.5, 3.0])
 MIN_SHARE_OF_MOTION = np.array([0.0, 0.0, 0.1])
 CHANNEL_NAMES = ("surge", "sway", "turning")
-CHANNELS_IN_WORDS = (("surge", "m/s", 1.0), ("sway", "m/s", 1.0), ("turning", "°/s", 180.0 / np.pi))
-MIN_WORSE_RATIO = (
-    1.25  # of the errors of one velocity, for the better of two files to be worse in it
-)
+CHANNEL_UNITS = (("m/s", 1.0), ("m/s", 1.0), ("°/s", DEGREES))
+MIN_WORSE_RATIO = 1.25  # of the errors of one velocity, in which the better of two files is worse
 
 
 @dataclass(frozen=True)
@@ -404,7 +403,7 @@ def improvement(first: Comparison, second: Comparison) -> Improvement:
 def _channels_that_got_worse(better: Comparison, worse: Comparison) -> tuple[str, ...]:
     """Velocities in which the better of two errs clearly more, and by more than noise."""
     out, noise = list[str](), better.ruler.noise
-    for k, (name, unit, factor) in enumerate(CHANNELS_IN_WORDS):
+    for k, (name, (unit, factor)) in enumerate(zip(CHANNEL_NAMES, CHANNEL_UNITS, strict=True)):
         after, before = (float(one.scores.rmse["uvr"[k]]) for one in (better, worse))
         if after > MIN_WORSE_RATIO * max(before, float(noise[k])):
             out.append(f"{name} ({before * factor:.2g} → {after * factor:.2g} {unit})")

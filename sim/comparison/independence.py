@@ -37,7 +37,6 @@ STEP_S = 0.1  # h, or the trial's own step if that is longer
 FILTER_ORDER = 8  # of the whitening filter
 CONFIDENCE = 0.99  # of the band, and that a delay is no chance
 MIN_DELAY_S = STEP_S  # streams may be apart by half a step without anything being late
-MIN_REPORTS = 1.0  # apart, for an answer to be later than a report may be
 TIMED = ("yaw", "yaw rate", "velocity", "commands")  # of `Trial.rates_hz`
 MIN_GAIN = 0.25  # of the boat's thrust over the model's: of less it cannot be told when it comes
 MIN_STEPS = 20 * MAX_LAG
@@ -174,7 +173,7 @@ def _delay(rho: Floats, gain: Floats, step: float, count: int, apart: float) -> 
     largest = float(ndtri(0.5 + 0.5 * CONFIDENCE ** (1.0 / MAX_LAG)))
     if total[J - 1] < largest or rho[MAX_LAG] >= 0.0:  # thrust that is late is missed at first
         return 0.0
-    if J * step < MIN_REPORTS * apart:
+    if J * step < apart:
         return 0.0
     J += int(np.argmin(np.append(excess[J:], 0.0) > 0.0))
     response = gain[MAX_LAG + 1 :] - gain[:MAX_LAG][::-1]

@@ -37,9 +37,10 @@ def rivals_of(ranking: Ranking, found: Sequence[str] = ()) -> list[RankedEffect]
 
 
 DRIFT = (
-    "; in free runs more is left than noise that comes anew at each moment, and it follows nothing "
-    "that was looked for: so do errors of the measured velocities that last, gusts, and weak causes"
+    "; in free runs more is left than noise that comes anew at each moment{}: so do errors of the "
+    "measured velocities that last, gusts, and weak causes"
 )
+FOLLOWS_NOTHING = ", and it follows nothing that was looked for"
 
 
 def verdict_of(
@@ -94,7 +95,9 @@ def _may_drift(error: HeldOutScore, floor: float) -> bool:
 
 
 def is_as_stated(share: Sequence[float]) -> bool:
-    """Whether hardly more is left from moment to moment than the recordings state as noise."""
+    """Whether what is left from moment to moment may be the noise that the recordings state, and
+    errors of the measured velocities that last.
+    """
     *along, turn = share
     return (
         max(along) < thresholds.MAX_NOISE_SHARE_ALONE and turn < thresholds.MAX_NOISE_SHARE_OF_TURN
@@ -224,7 +227,7 @@ def summary_of(
             refit = "no better with the base re-fitted"
         numbers = f"{first:.3f} as given, {refit} (noise {floor:.3f})"
         if drifts:
-            numbers += DRIFT
+            numbers += DRIFT.format("" if small is not None else FOLLOWS_NOTHING)
         seen = ""
         if small is not None:
             seen = f"; only from one moment to the next is {small.name} seen, with "

@@ -119,16 +119,16 @@ def components_notice(log: Log, boat: Boat) -> tuple[str, ...]:
 
     A component id that is set otherwise makes two halves of one voyage.
     """
-    start = log_start_ns(log)
     out = list[str]()
     for other in log.boats():
         if other.system != boat.system or other.component == boat.component:
             continue
-        told = (motion_of(log, other) - start) * 1e-9
+        told = motion_of(log, other)
         if len(told) >= MIN_FRAMES:
+            since, until = (told[[0, -1]] - log_start_ns(log)) * 1e-9  # decodes the whole log
             out.append(
                 f"component {other.component} of system {other.system} tells of motion too, from "
-                f"{told[0]:.0f} to {told[-1]:.0f} s: it is taken for another vehicle, and what is "
-                f"read here is component {boat.component} alone"
+                f"{since:.0f} to {until:.0f} s: it is taken for another vehicle, and what is read "
+                f"here is component {boat.component} alone"
             )
     return tuple(out)

@@ -112,6 +112,10 @@ def test_the_drift_of_free_runs_is_said_of_a_model_that_is_whole() -> None:
     assert drifts.startswith("no effect of the catalogue is missing as far as these data can tell")
     assert "it follows nothing that was looked for" in drifts
     assert "errors of the measured velocities that last, gusts, and weak causes" in drifts
+    seen: Any = SimpleNamespace(name="hull_lift", gain=Gain(1.25, 0.2, 4.6, 144.0, 0.09))
+    beside = summary_of(Verdict.ADEQUATE, ladder, [], [], 0.069, small=seen, drifts=True)
+    assert "follows nothing" not in beside  # but what is seen
+    assert "only from one moment to the next is hull_lift seen" in beside
     whole = summary_of(Verdict.ADEQUATE, ladder, [], [], 0.069)
     assert "that last" not in whole
 
