@@ -167,7 +167,8 @@ class DiagnosisResult:
         manoeuvre = (self.diagnosis.next_manoeuvre or "").partition(",")[0]
         excitations = [manoeuvre] if manoeuvre in BY_NAME else []
         excitations += [s.excitation for s in self.separations.values()]
-        return [f"shadow plan --vessel {self._vessel} --excitation {name}" for name in excitations]
+        plan = f"shadow plan --vessel {self._vessel}{self._own}"
+        return [f"{plan} --excitation {name}" for name in excitations]
 
     def _can_add(self, out: str | None) -> bool:
         """Whether effects were found that no file has yet."""
@@ -205,9 +206,8 @@ class DiagnosisResult:
             steps.append(f"shadow compare ANOTHER_LOG {both}{refit}{self.flags}{self._own}")
         elif self._can_identify and not out:
             logs = " ".join(map(shell_path, self.logs))
-            steps.append(
-                f"shadow identify {logs} --vessel {self._vessel} --out {better}{self.flags}"
-            )
+            fit = f"shadow identify {logs} --vessel {self._vessel} --out {better}"
+            steps.append(f"{fit}{self.flags}{self._own}")
         return steps
 
     def _steps_beyond_catalogue(self, saved: str | None) -> list[str]:

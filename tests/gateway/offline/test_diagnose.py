@@ -245,8 +245,16 @@ def test_after_unknown_one_may_begin_an_effect_of_ones_own(found):
 
 def test_the_next_commands_name_the_effects_of_ones_own(found):
     told = replace(found, effect_files=("my keel.py",))
-    lines = [line for line in told.next_steps("d.json", None) if "shadow plan" not in line]
-    assert lines
+    answer = found.diagnosis
+    first = replace(answer.ranking[0], confounded_with=("heading_offset",))
+    torn = replace(answer, verdict=Verdict.CONFOUNDED, ranking=(first, *answer.ranking[1:]))
+    refit = replace(answer, verdict=Verdict.ADEQUATE, effects=(), base_changed=True)
+    lines = [
+        line
+        for one in (answer, torn, refit)
+        for line in replace(told, diagnosis=one).next_steps("d.json", None)
+    ]
+    assert {line.split()[1] for line in lines} >= {"plan", "add", "compare", "identify"}
     assert all("--effects 'my keel.py'" in line for line in lines)
     assert not any("--effects" in line for line in found.next_steps("d.json", None))
 
