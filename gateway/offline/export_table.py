@@ -132,15 +132,20 @@ def topic_columns(recording: Recording, topic: str) -> tuple[Integers, Columns] 
 
 
 def _messages(log: Log, name: str, system: int | None) -> tuple[Integers, Columns] | None:
-    """Receipt [ns] and fields of the messages of one boat; of all senders if it sent none."""
+    """Receipt [ns] and fields of the messages of one boat; if it sent none, of senders that are no
+    boat: a radio or a ground station. None where the log has no such message at all.
+    """
     table = log.table(name)
     if not len(table):
         return None
-    rows = np.ones(len(table), np.bool_)
-    if system is not None or len({boat.system for boat in boats_of(log)}) > 1:
-        rows = table.system == choose_boat(log, system).system
+    rows, systems = np.ones(len(table), np.bool_), {boat.system for boat in boats_of(log)}
+    if system is not None or len(systems) > 1:
+        chosen = choose_boat(log, system).system
+        rows = table.system == chosen
         if not rows.any():
-            return None
+            rows = ~np.isin(table.system, list(systems))
+        if not rows.any():
+            raise BadInput(f"{log.path}: no {name} of system {chosen} in it")
     columns: Columns = {}
     for field, values in table.columns.items():
         kept = values[rows]

@@ -8,6 +8,7 @@ import numpy as np
 import pandas
 import pyarrow.parquet
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.errors import BadInput
 from gateway.ingest.open import open_log
@@ -18,7 +19,7 @@ from gateway.offline.trials import load_trials
 from gateway.recording.reader import Recording
 from gateway.vessel_file import dump_vessel
 from tests.gateway.command_line import Run, one_line, strictly
-from tests.gateway.pipelines.sailing import parameters, tlog, voyage
+from tests.gateway.pipelines.sailing import frames, parameters, tlog, voyage
 from tests.sim.vessels import WAMV
 
 HERE = Path(__file__).resolve().parents[3] / "recordings" / "voyage_1.tlog"
@@ -133,6 +134,21 @@ def test_one_message_comes_as_it_came_and_several_on_one_grid(log: Path, tmp_pat
     assert {"ATTITUDE.yaw", "HEARTBEAT.type"} <= set(grid)
     place = np.searchsorted(held.receive_time_ns * 1e-9, grid["time"][20] + 1e-5, side="right") - 1
     assert grid["ATTITUDE.yaw"][20] == pytest.approx(held.columns["yaw"][place], abs=1e-6)
+
+
+def test_of_one_boat_the_radios_reports_are_read_too_but_none_of_another_boat(
+    tmp_path: Path,
+) -> None:
+    """A radio has an id of its own: 51."""
+    said = [(t, dialect.MAVLink_radio_status_message(*[9] * 7)) for t in np.arange(0.0, 9.0, 0.5)]
+    wind = [(t, dialect.MAVLink_wind_message(90.0, 3.0, 0.0)) for t in np.arange(0.0, 9.0, 0.5)]
+    both = [*frames(voyage(9.0)), *frames([*voyage(9.0), *wind], 2), *frames(said, 51)]
+    log = tmp_path / "two.tlog"
+    log.write_bytes(b"".join(sorted(both, key=lambda frame: frame[:8])))
+    export(log, "csv", tmp_path / "a.csv", topics=("RADIO_STATUS",), system=1)
+    assert len(pandas.read_csv(tmp_path / "a.csv")) == len(said)
+    with pytest.raises(BadInput, match="no WIND of system 1 in it"):
+        export(log, "csv", tmp_path / "b.csv", topics=("WIND",), system=1)
 
 
 def test_a_message_that_fell_silent_is_not_held_on(log: Path, tmp_path: Path) -> None:
