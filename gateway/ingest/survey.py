@@ -24,6 +24,7 @@ from gateway.ingest.repeated import repeated_notice, repeated_spans
 from gateway.ingest.sources import PRIORITY, Choice, choose, uniform_grid
 from gateway.ingest.table_repair import repair_table
 from gateway.samples import Quantity, Samples
+from sim.diagnosis.thresholds import MIN_RATE_HZ, RATE_TOLERANCE
 from sim.identification.wiring import CommandResponse, command_response
 from sim.state import Floats, Nu
 
@@ -183,7 +184,8 @@ def _possible_directions(
     return [directions for correlation, directions in tried if correlation > best - NEAR]
 
 
-FAST_HZ = 5.0  # slower commands or motion hide effects that act within a fraction of a second
+# Slower commands or motion hide effects that act within a fraction of a second, as in a diagnosis.
+FAST_HZ = (1.0 - RATE_TOLERANCE) * MIN_RATE_HZ
 
 
 @dataclass(frozen=True)
@@ -384,6 +386,6 @@ def _command_limits(choices: Mapping[str, Choice], ever_armed: bool | None) -> l
     if rate < FAST_HZ:
         found.append(
             f"commands at {rate:.1f} Hz: thruster lag, command delay and velocity latency cannot "
-            f"be told from it ({FAST_HZ:.0f} Hz needed)"
+            f"be told from it ({MIN_RATE_HZ:.0f} Hz needed)"
         )
     return found

@@ -30,6 +30,18 @@ def test_thin_commands_are_told_with_what_cannot_be_learnt() -> None:
     assert any("velocity at 2.0 Hz" in line for line in boat.good_for)
 
 
+def test_commands_that_a_diagnosis_takes_for_five_a_second_are_fast_enough() -> None:
+    """Each a little late: 4.9 Hz were "at 4.9 Hz: … cannot be told (5 Hz needed)"."""
+    script = Script()
+    for t in np.arange(0.0, 60.0, 1.0 / 4.9):
+        script.send(t, attitude(100.0 + t))
+        script.send(t, local_position(100.0 + t))
+        script.send(t, servo(100.0 + t, 1500, 1500))
+        script.send(t, heartbeat())
+    (boat,) = survey(script.log()).boats
+    assert not any(" Hz: " in line for line in boat.good_for)
+
+
 def test_survey_is_plain_json() -> None:
     plain = survey(thin_telemetry().log()).to_dict()
     assert json.loads(json.dumps(plain))["boats"][0]["boat"]["system"] == 1
