@@ -22,12 +22,12 @@ from pymavlink.dialects.v20 import ardupilotmega as definitions
 
 from gateway.ingest.log import UNREADABLE, Boat, Log, Table, log_start_ns, text
 from gateway.ingest.mapping import STATUS_CONFIRMED_S, EstimatorFault
+from gateway.ingest.mavlink.mapping import ARMED_BIT
 from gateway.ingest.mcap.log import recording_of
 from gateway.ingest.parameter_changes import parameter_changes
 from gateway.ingest.sources import choose
 from sim.state import Ints
 
-ARMED = 128  # bit of a heartbeat's base_mode
 ARMING = {True: "armed", False: "disarmed"}
 STATUS = "vehicle_status"  # of PX4: its modes
 LOGGED = "logged_message"  # texts of a ULog
@@ -73,7 +73,7 @@ def _heartbeats(log: Log, boat: Boat) -> Iterator[Row]:
     beats = log.table("HEARTBEAT")
     own = (beats.system == boat.system) & (beats.component == boat.component)
     at = beats.receive_time_ns[own]
-    armed = (beats.columns["base_mode"][own].astype(np.int64) & ARMED) > 0
+    armed = (beats.columns["base_mode"][own].astype(np.int64) & ARMED_BIT) > 0
     yield from _state_changes(at, armed.tolist(), ARMING)
     if boat.autopilot == "PX4":
         yield from _named_modes(beats, boat)

@@ -25,7 +25,9 @@ from sim.vessel import Vessel
 
 TRUTH, OUTPUTS = "truth/", "outputs/"
 JUMP_M = 5.0  # from one row to the next: the boat was put back to its start
-RATE_HZ = 10.0
+RATE_HZ = 10.0  # rows that are compared
+TRUTH_HZ = 50.0  # rows that `shadow hil` records: `gateway.topics.LOOP_TOPICS`
+SHORTEST_S = 1.0  # of a track between two jumps
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,7 @@ def loop_passages(file: Path, options: TrialOptions) -> list[Passage]:
 
 def _truth_of(recording: Recording, name: str) -> list[Passage]:
     truth, outputs = (recording.columns(topic + name) for topic in (TRUTH, OUTPUTS))
-    every = max(round(50.0 / RATE_HZ), 1)
+    every = round(TRUTH_HZ / RATE_HZ)
     time = (truth["vehicle_time_ns"] - truth["vehicle_time_ns"][0])[::every] * 1e-9
     keys = ("north_m", "east_m", "yaw_rate_radps")
     north, east, yaw_rate = (truth[key][::every] for key in keys)
@@ -91,7 +93,7 @@ def _truth_of(recording: Recording, name: str) -> list[Passage]:
             {channel: values[a:b] for channel, values in pulses.items()},
         )
         for a, b in pairwise(cuts)
-        if b - a > RATE_HZ
+        if b - a > SHORTEST_S * RATE_HZ
     ]
 
 

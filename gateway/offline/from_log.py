@@ -18,7 +18,13 @@ import numpy as np
 
 from gateway.errors import BadInput, printable
 from gateway.ingest.log import choose_floating
-from gateway.ingest.mapping import THRUST_FUNCTIONS, Actuator, OutputFunction, actuators
+from gateway.ingest.mapping import (
+    LIMITS_US,
+    THRUST_FUNCTIONS,
+    Actuator,
+    OutputFunction,
+    actuators,
+)
 from gateway.ingest.open import open_log
 from gateway.ingest.px4_outputs import named_only, named_outputs
 from gateway.offline.diagnose import (
@@ -43,7 +49,7 @@ from sim.trial import Trial
 from sim.vessel import Vessel
 
 MOVES_US = 5.0  # standard deviation of an output that moves anything; chosen, not measured
-USUAL_US = (1100.0, 1500.0, 1900.0)
+USUAL_US = tuple(pulse for _, pulse in LIMITS_US)  # lowest, neutral, highest
 
 
 def assumed_actuators(trial: Trial) -> tuple[list[Actuator], str]:

@@ -19,10 +19,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.ingest.clock import JUMP
 from sim.state import Floats, Ints
 
 CREDIBLE_US = 1 << 52  # 142 years
-JUMP_US = 10_000_000  # as the boat's clock has it (`clock.JUMP`)
+JUMP_US = JUMP // 1000  # as the boat's clock has it
 AROUND = 11  # rows before and behind that tell what time it is
 SPREADS = 4.0  # median deviations of them that another row may be off by
 FEWEST = 5  # rows that tell the time where nothing steps back
