@@ -31,7 +31,7 @@ from sim.state import Floats, Nu
 PORT = re.compile(r"left|port|lft|babord|backbord", re.IGNORECASE)
 STARBOARD = re.compile(r"right|starboard|stbd|stb|rgt|tribord|steuerbord", re.IGNORECASE)
 GRID_S = 0.2  # s, of the comparison
-HALF_US = 400.0  # µs from neutral to full, without parameters
+HALF_US = 400.0  # µs from neutral to full, as usual: a correlation asks for no more
 NEUTRAL_US, NEAR_NEUTRAL_US = 1500.0, 50.0  # where the neutral pulse is looked for
 NEAR = 0.2  # of a correlation: closer than that, either direction may be true
 
@@ -123,7 +123,7 @@ def _at(samples: Samples, values: Floats, time: Floats) -> Floats:
 
 
 def _command(samples: Samples, throttle: Throttle, time: Floats) -> Floats:
-    """One side's pulses as commands (T,) in about −1 … 1; NaN without a pulse."""
+    """One side's pulses as commands (T,), −1 … 1 of the usual travel; NaN without a pulse."""
     pulse = samples.values[:, throttle.channel - 1]
     alive = np.isfinite(pulse) & (pulse > 0) & (pulse < 65535)
     if not alive.any():

@@ -1,11 +1,8 @@
-"""One boat of a live link: its datagrams and ticks in, messages of every topic out.
+"""The boats of all links: datagrams and ticks in, messages of every topic out.
 
-Pure in its inputs: the same datagrams and ticks in the same order give the same messages. Nothing
-here reads a clock.
-
-The boats of all links: each is found by its autopilot's HEARTBEAT and gets a vessel's shadow.
-
-A ground station is no boat. Pure in its inputs, like `LiveBoat`.
+`Fleet` finds each boat by its autopilot's HEARTBEAT (a ground station is no boat) and gives it the
+shadow of a vessel, a `LiveBoat`. Both are pure in their inputs: the same datagrams and ticks in the
+same order give the same messages, and nothing here reads a clock.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -314,9 +311,7 @@ class LiveBoat:
 
 MAX_BOATS = 32  # invented system ids may not use up files and memory
 MAX_LISTED = 8  # boats without a vessel that are named
-MAX_OTHERS = (
-    8  # systems that are no boat of ours whose frames a recording holds: ground stations, …
-)
+MAX_OTHERS = 8  # systems that are no boat of ours (ground stations, …) whose frames are recorded
 
 
 @dataclass(frozen=True)

@@ -108,8 +108,8 @@ class TrialOptions:
 
 
 DEFAULT_TRIALS = TrialOptions()
-# An hour of 50 Hz in a quarter of the time; velocities 0.01 m/s off, root mean square.
 NOTHING_USABLE = "nothing usable in it: "
+# An hour of 50 Hz in a quarter of the time; velocities 0.01 m/s off, root mean square.
 FIRST_LOOK = TrialOptions(rate_hz=2.0, measured_hz=4.0)
 
 

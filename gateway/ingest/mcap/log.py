@@ -233,9 +233,7 @@ def _names(enum: str) -> Mapping[str, int]:
 
 
 FOLDER, PACKED, MAPPING = "log/", ".zst", "log/mapping.toml"
-MAX_BYTES = (
-    500_000_000  # of a log; a larger one is not enclosed: its recording would be slow to open
-)
+MAX_BYTES = 500_000_000  # of a log that is enclosed: of a larger one recordings open slowly
 
 
 def enclosure(raw: bytes, name: str, mapping: bytes | None = None) -> list[Attachment]:
