@@ -307,6 +307,11 @@ def choose_manoeuvre(
     if name is not None or log is None:
         return BY_NAME[name or DEFAULT], None
     ranking = rank_manoeuvres(log, vessel, trials)
+    if not ranking.ranked:
+        raise BadInput(
+            f"{log}: as it fits {vessel.name}, the model leaves all bounds in every manoeuvre: "
+            "check the signs of its damping and its effects, or name one with --excitation"
+        )
     return ranking.ranked[0].manoeuvre, ranking
 
 

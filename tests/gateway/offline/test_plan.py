@@ -4,13 +4,20 @@ import csv
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from gateway.errors import BadInput
-from gateway.offline.plan import CLEAR, PlanOptions, make_plan, rank_manoeuvres
+from gateway.offline.plan import (
+    CLEAR,
+    PlanOptions,
+    choose_manoeuvre,
+    make_plan,
+    rank_manoeuvres,
+)
 from gateway.offline.simulate import simulate
 from gateway.terminal.identification import show_plan
 from gateway.vessel_file import load_vessel
@@ -183,6 +190,13 @@ def test_a_model_that_no_prediction_can_be_made_with_is_bad_input(monkeypatch):
     monkeypatch.setattr("gateway.offline.diagnose.diagnose", lost)
     with pytest.raises(BadInput, match=r"a\.tlog: plain diverges"):
         rank_manoeuvres("a.tlog", WAM_V)
+
+
+def test_a_fit_that_no_manoeuvre_can_be_simulated_with_is_bad_input(monkeypatch):
+    answer = [], SimpleNamespace(ranking=(), effects=(), suggested=())
+    monkeypatch.setattr("gateway.offline.plan.diagnose_trials", lambda *_, **__: answer)
+    with pytest.raises(BadInput, match="leaves all bounds in every manoeuvre"):
+        choose_manoeuvre(WAM_V, None, Path("a.tlog"))
 
 
 def test_a_recording_too_short_to_ask_for_anything_is_bad_input(monkeypatch):
