@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.effects.words import COMPASS as COMPASS
 from sim.model import Model
 from sim.prediction import MissingForce, vessel_commands
 from sim.prediction.free_runs import Prediction, scaled_squares
@@ -28,7 +29,6 @@ MIN_STEADY = 0.5  # of the largest error beyond noise, of one that errs one way;
 THROTTLE_EDGES = np.array([-1.0, -0.75, -0.5, -0.25, -0.05, 0.05, 0.25, 0.5, 0.75, 1.0])
 REVERSE_EDGES = np.array([0.0, 0.05, 0.25, 0.5, 0.75, 1.0])
 ROUND_STEPS = np.array([1.0, 2.0, 2.5, 5.0, 10.0])
-COMPASS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
 NAMES = {
     "speed": "speed",
     "turn_rate": "turn rate",
