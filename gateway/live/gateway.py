@@ -34,9 +34,9 @@ from gateway.live.boats import MAX_LISTED, BoatOutput, BoatPlan, Fleet, LiveBoat
 from gateway.live.outputs import (
     FIRST_RETRY_S,
     BoatOutputs,
-    EarlyDatagrams,
     Metrics,
     RateRequests,
+    WaitingDatagrams,
     make_folder,
     start_recording,
 )
@@ -98,7 +98,7 @@ class Gateway:
         self._foxglove: FoxgloveServer | None = None
         self._metrics: Metrics | None = None
         self._leading = plans[0] if plans else None  # its boat has the topics of a recording
-        self._early = EarlyDatagrams()
+        self._early = WaitingDatagrams()
         self._dropped = self._newly_dropped = 0
         self._unchecked: list[LiveBoat] = []  # whose check of this second is still to come
         self._ticked_ns = 0
@@ -247,9 +247,9 @@ class Gateway:
         if not self.outputs:
             self._early.add(datagram)
             return
-        for system, frames in self.fleet.recorded(datagram.frames).items():
-            outputs = self.outputs[system]
-            outputs.record_frames(datagram.link, datagram.receive_time_ns, frames)
+        for link, receive_time_ns, heard in (*self._early.take_all(), datagram):
+            for system, frames in self.fleet.recorded(heard).items():
+                self.outputs[system].record_frames(link, receive_time_ns, frames)
 
     def _note_delay(self, waited_ns: int) -> None:
         """Events when what was handled had waited for long, and when it no longer does."""
@@ -284,9 +284,7 @@ class Gateway:
     def _tick(self, now_ns: int) -> None:
         """The shadows of silent boats run on."""
         for boat in self.fleet.due(now_ns):
-            outputs = self.outputs[boat.boat.system]
-            if outputs.recording is not None:
-                outputs.recording.tick(now_ns)
+            self.outputs[boat.boat.system].record_tick(now_ns)
             for output in boat.tick(now_ns):
                 self._send(boat, output)
             self._unjudged[boat.boat.system] = boat
@@ -380,9 +378,6 @@ class Gateway:
                 return
             outputs.recording = recording
             self._progress(f"recording: {recording.paths[-1]}")
-        for datagram in self._early.take_all():
-            frames = [frame.raw for frame in datagram.frames]
-            outputs.record_frames(datagram.link, datagram.receive_time_ns, frames)
 
     def _record_again(self, boat: LiveBoat, outputs: BoatOutputs, now_s: float) -> None:
         """After a disk was full, or the like: another file, as soon as it takes one."""

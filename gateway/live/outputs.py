@@ -21,7 +21,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from threading import Thread
@@ -33,25 +33,48 @@ from gateway.bus import Bus
 from gateway.config import Settings, as_tables
 from gateway.errors import BadInput, ShadowError
 from gateway.json_rows import TopicRows
-from gateway.links import Datagram
+from gateway.links import Datagram, Frame
 from gateway.links.link import Link
 from gateway.links.rate_requests import Address, LinkRequests, RequestOutcome
 from gateway.links.transmitter import Identity
 from gateway.live.boats import BoatPlan, LiveBoat
 from gateway.recording.foxglove_server import BoatView, on_this_machine, parse_address
-from gateway.recording.recorder import Recorder
+from gateway.recording.recorder import TICK_LINK, Recorder
 from gateway.recording.thread import RecordingThread
 from gateway.shadow.health import SECOND
 from gateway.shadow.topic_rows import attachments_of, metadata_of
 from gateway.topics import TIMES, TOPICS, FieldType
 
-MAX_EARLY, MAX_EARLY_BYTES = 60_000, 64_000_000  # datagrams that came before any boat was known
+MAX_WAITING, MAX_WAITING_BYTES = 60_000, 64_000_000  # datagrams that no recording takes yet
 
 
 STUCK_S = 3.0  # without a write, though the thread writes four times a second
 FIRST_RETRY_S, LAST_RETRY_S = 2.0, 120.0  # from a failed recording to the next
 PROOF_S = 1.5  # that the next one must last to be told
 LASTED_S = 60.0  # after which a failure is another matter
+
+
+class WaitingDatagrams:
+    """Datagrams from before any boat was known, or before its recording could begin: kept for that,
+    within bounds.
+    """
+
+    def __init__(self) -> None:
+        self._datagrams: deque[Datagram] = deque()
+        self._bytes = 0
+
+    def add(self, datagram: Datagram) -> None:
+        """Keep one; the oldest go where there is no room."""
+        self._datagrams.append(datagram)
+        self._bytes += _bytes(datagram)
+        while len(self._datagrams) > MAX_WAITING or self._bytes > MAX_WAITING_BYTES:
+            self._bytes -= _bytes(self._datagrams.popleft())
+
+    def take_all(self) -> Iterator[Datagram]:
+        """All that are kept, in order; then none."""
+        while self._datagrams:
+            yield self._datagrams.popleft()
+        self._bytes = 0
 
 
 @dataclass
@@ -68,6 +91,7 @@ class BoatOutputs:
     _begun_s: float = 0.0  # when the recording began that followed one that failed
     _earlier_drops: int = 0  # of recordings that failed
     _stuck: bool = False
+    _waiting: WaitingDatagrams = field(default_factory=WaitingDatagrams)
 
     def publish(self, rows: Sequence[TopicRows]) -> None:
         """To zenoh."""
@@ -91,9 +115,16 @@ class BoatOutputs:
         self.show(rows)
 
     def record_frames(self, link: str, receive_time_ns: int, frames: Sequence[bytes]) -> None:
-        """Frames as they came, to disk."""
+        """Frames as they came, to disk; kept for the next one where a recording could not begin."""
         if self.recording is not None and frames:
             self.recording.raw(link, receive_time_ns, frames)
+        elif self.failure is not None and frames:
+            kept = tuple(Frame(raw, None) for raw in frames)
+            self._waiting.add(Datagram(link, receive_time_ns, kept))
+
+    def record_tick(self, now_ns: int) -> None:
+        """A moment at which the loop ran on without telemetry: part of its inputs."""
+        self.record_frames(TICK_LINK, now_ns, (b"",))
 
     @property
     def backlog(self) -> int:
@@ -118,13 +149,15 @@ class BoatOutputs:
         return now_s >= self.retry_s
 
     def record_with(self, recording: RecordingThread, now_s: float) -> None:
-        """Another recording instead of one that failed."""
+        """Another recording instead of one that failed or could not begin."""
         if self.recording is not None:
             self._earlier_drops += self.recording.drops
             self.recording.leave()
         self.recording, self.failure, self.retry_s = recording, None, None
         self.failures += 1
         self._begun_s = now_s
+        for link, receive_time_ns, frames in self._waiting.take_all():
+            recording.raw(link, receive_time_ns, [frame.raw for frame in frames])
 
     def new_recovery(self, now_s: float) -> str | None:
         """Where it is recorded again, once that has lasted for a moment."""
@@ -156,27 +189,6 @@ class BoatOutputs:
             return None
         self._reported = True
         return failure
-
-
-class EarlyDatagrams:
-    """Datagrams from before any boat was known: kept for its recording, within bounds."""
-
-    def __init__(self) -> None:
-        self._datagrams: deque[Datagram] = deque()
-        self._bytes = 0
-
-    def add(self, datagram: Datagram) -> None:
-        """Keep one; the oldest go where there is no room."""
-        self._datagrams.append(datagram)
-        self._bytes += _bytes(datagram)
-        while len(self._datagrams) > MAX_EARLY or self._bytes > MAX_EARLY_BYTES:
-            self._bytes -= _bytes(self._datagrams.popleft())
-
-    def take_all(self) -> Iterator[Datagram]:
-        """All that are kept, in order; then none."""
-        while self._datagrams:
-            yield self._datagrams.popleft()
-        self._bytes = 0
 
 
 def make_folder(folder: Path) -> None:
@@ -291,11 +303,11 @@ class Metrics:
             vessel: (orjson.loads(payload), time.monotonic() - at)
             for vessel, (payload, at) in list(self._newest.items())
         }
-        for field in HEALTH:
-            name = f"shadow_health_{field.name}"
-            gauge = GaugeMetricFamily(name, field.description, labels=["vessel"])
+        for number in HEALTH:
+            name = f"shadow_health_{number.name}"
+            gauge = GaugeMetricFamily(name, number.description, labels=["vessel"])
             for vessel, (row, _) in rows.items():
-                gauge.add_metric([vessel], float(row[field.name]))
+                gauge.add_metric([vessel], float(row[number.name]))
             yield gauge
         age = GaugeMetricFamily("shadow_health_age_seconds", "Age of that", labels=["vessel"])
         unfit = GaugeMetricFamily(

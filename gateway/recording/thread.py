@@ -16,7 +16,7 @@ from typing import NamedTuple, Self
 from gateway.errors import ShadowError
 from gateway.json_rows import TopicRows
 from gateway.recording.foxglove import RowThinning
-from gateway.recording.recorder import TICK_LINK, Recorder, thinned
+from gateway.recording.recorder import Recorder, thinned
 
 WRITE_S = 0.25  # so often what came is written; a flush follows each half second
 AT_ONCE = 2000  # items written before the disk is looked after again
@@ -95,10 +95,6 @@ class RecordingThread:
         """Frames of one datagram, byte for byte."""
         times = [receive_time_ns] * len(frames)
         self._offer(Raw(link, times, list(frames)), RAW_LIMIT)
-
-    def tick(self, now_ns: int) -> None:
-        """A moment at which the loop ran on without telemetry: part of its inputs."""
-        self.raw(TICK_LINK, now_ns, (b"",))
 
     def rows(self, rows: Sequence[TopicRows]) -> None:
         """Messages of topics. Those that are thinned are so here: most need not change threads."""

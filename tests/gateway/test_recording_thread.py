@@ -40,7 +40,7 @@ def test_what_was_put_is_written_in_order(tmp_path: Path) -> None:
             thread.raw(f"link{k % 3 // 2}", START + k, [b"%d" % k, b"x"][: 1 + k % 2])
             thread.rows([row(k), row(k)])
             if k % 10 == 0:
-                thread.tick(START + k)
+                thread.raw(TICK_LINK, START + k, (b"",))
     assert (thread.backlog, thread.drops, thread.failure) == (0, 0, None)
     recording = Recording.open(tmp_path / "a.mcap")
     assert recording.finished

@@ -1,18 +1,22 @@
 """What ran live runs again from its recording to the last bit."""
 
+from itertools import count
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from gateway.errors import BadInput
+from gateway.errors import BadInput, ShadowError
 from gateway.links import Datagram
-from gateway.live.boats import BoatPlan, Fleet
+from gateway.live.boats import BoatPlan, Fleet, sender
+from gateway.live.outputs import start_recording
 from gateway.live.rerun import fleet_of, loop_inputs, rerun
 from gateway.recording.reader import Recording
 from gateway.recording.recorder import TICK_LINK
+from gateway.recording.thread import RecordingThread
 from gateway.simulated_boat import Burst, Faults, Reboot, Silence
 from sim.plants import PlantChoice
-from tests.gateway.pipelines.aboard import SETTINGS, Deck, Heard, datagrams, played
+from tests.gateway.pipelines.aboard import SETTINGS, Deck, Heard, at_ns, datagrams, played
 from tests.sim.vessels import IACQUABOT, WAMV
 
 COMPARED = ("measured", "reference", "shadow", "control", "residual", "position")
@@ -97,6 +101,33 @@ def test_what_was_heard_before_the_boat_said_who_it_is_is_recorded(tmp_path: Pat
         deck.hear(late)
     raw = Recording.open(only(tmp_path, "wam-v")).raw()
     assert raw.frames() == [frame.raw for d in late for frame in d.frames]
+
+
+def test_a_recording_that_begins_late_has_all_of_its_boat_and_nothing_of_another(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    attempts = count(1)
+
+    def refused_twice(*given: Any) -> RecordingThread:
+        if next(attempts) <= 2:
+            raise ShadowError("no room")
+        return start_recording(*given)
+
+    monkeypatch.setattr("gateway.live.gateway.start_recording", refused_twice)
+    plans = [BoatPlan(WAMV, system=1), BoatPlan(IACQUABOT, system=7)]
+    first = datagrams(played(12.0, faults=Faults(silences=(Silence(1.5, 3.0),))))
+    early = [d for d in first if d.frames[0].message.get_type() != "HEARTBEAT"][:50]
+    first = sorted(early + first, key=lambda d: d.receive_time_ns)
+    later = datagrams(played(12.0, IACQUABOT, seed=1, system_id=7))
+    later = [d for d in later if d.receive_time_ns > at_ns(8.0)]
+    with Deck(plans, tmp_path) as deck:
+        deck.hear(sorted(first + later, key=lambda d: d.receive_time_ns))
+    assert next(attempts) == 5
+    boat, other = only(tmp_path, "wam-v"), only(tmp_path, "iacquabot")
+    check(deck.heard(), again(boat, plans[0]), rows=200)
+    frames = Recording.open(boat).raw().frames()
+    assert [f for f in frames if f and sender(f) == 1] == [d.frames[0].raw for d in first]
+    assert {sender(frame) for frame in Recording.open(other).raw().frames()} == {7}
 
 
 def test_a_recording_that_did_not_run_live_is_refused_in_one_line(tmp_path: Path) -> None:
