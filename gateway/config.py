@@ -273,7 +273,8 @@ def _relative_to(file: Path, boat: BoatSettings) -> BoatSettings:
 def settings_of(tables: dict[str, Any], where: str) -> Settings:
     """Tables over the defaults, validated; `where` they come from goes into the message."""
     try:
-        return validated(_SETTINGS, _merged(as_tables(Settings()), _with_preset_rates(tables)))
+        given = _without_retired(_with_preset_rates(tables))
+        return validated(_SETTINGS, _merged(as_tables(Settings()), given))
     except ValidationError as error:
         raise BadInput(f"{where}: {explain(error)}") from None
     except BadInput as error:
@@ -290,6 +291,23 @@ def _with_preset_rates(tables: dict[str, Any]) -> dict[str, Any]:
                     f"links.rates.preset = {preset!r}: {meant}expected {', '.join(PRESETS)}"
                 )
             return {**tables, "links": {**links, "rates": {**PRESETS[preset], **own}}}
+    return tables
+
+
+# Of [filter.sources]: nothing ever read it. Recordings and files of before hold it and still load.
+RETIRED = "acceleration_mps2"
+
+
+def _without_retired(tables: dict[str, Any]) -> dict[str, Any]:
+    """The same without a key that was once there and did nothing."""
+    match tables:
+        case {"filter": {"sources": dict() as sources, **others}}:
+            kept = {
+                name: {key: value for key, value in noise.items() if key != RETIRED}
+                for name, noise in sources.items()
+                if isinstance(noise, dict)
+            }
+            return {**tables, "filter": {**others, "sources": {**sources, **kept}}}
     return tables
 
 

@@ -52,7 +52,6 @@ class MeasurementKind(IntEnum):
     VELOCITY = 3  # north, east over ground [m/s]
     POSITION = 4  # north, east [m]
     BODY_VELOCITY = 5  # forward, starboard over ground [m/s]; instead of VELOCITY, not beside it
-    ACCELERATION = 6  # forward, starboard [m/s²], free of gravity
 
 
 KINDS = len(MeasurementKind)
@@ -107,7 +106,6 @@ class WhiteNoise:
     velocity_mps: float = 0.05
     position_m: float = 0.1
     body_velocity_mps: float = 0.05
-    acceleration_mps2: float = 0.3
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -125,7 +123,6 @@ FIELD_OF_KIND = {
     MeasurementKind.VELOCITY: "velocity_mps",
     MeasurementKind.POSITION: "position_m",
     MeasurementKind.BODY_VELOCITY: "body_velocity_mps",
-    MeasurementKind.ACCELERATION: "acceleration_mps2",
 }
 
 # White parts on top of the coloured errors below. An autopilot's filter gives smooth outputs; the

@@ -44,7 +44,6 @@ KIND_OF = {
     Quantity.VELOCITY: MeasurementKind.VELOCITY,
     Quantity.POSITION: MeasurementKind.POSITION,
     Quantity.BODY_VELOCITY: MeasurementKind.BODY_VELOCITY,
-    Quantity.ACCELERATION: MeasurementKind.ACCELERATION,
 }
 
 
@@ -189,8 +188,8 @@ JUMP_YAW = 3.0  # rad
 JUMP_YAW_RATE = 2.0  # rad/s
 TURN_RUN = 2  # gated yaw rates in a row that are a turn
 
-# Largest credible measurement by kind [rad, rad/s, m/s, m, m/s, m/s²]
-IMPLAUSIBLE = np.array([0.0, 1e4, 50.0, 100.0, 1e7, 100.0, 200.0])
+# Largest credible measurement by kind [none, rad, rad/s, m/s, m, m/s]
+IMPLAUSIBLE = np.array([0.0, 1e4, 50.0, 100.0, 1e7, 100.0])
 
 
 class KalmanState(NamedTuple):

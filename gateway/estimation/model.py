@@ -263,8 +263,6 @@ def linearise(kind: int, x: Floats, z: Floats, gyro_delay: float, H: Floats, y: 
         y[0] = z[0] - x[State.U] - x[State.VELOCITY_ERROR_FIRST]
         y[1] = z[1] - x[State.V] - x[State.VELOCITY_ERROR_SECOND]
         return 2
-    if kind == MeasurementKind.ACCELERATION:
-        return _acceleration(x, z, H, y)
     return 0
 
 
@@ -279,17 +277,6 @@ def _velocity(x: Floats, z: Floats, H: Floats, y: Floats) -> int:
     H[0, State.VELOCITY_ERROR_FIRST] = H[1, State.VELOCITY_ERROR_SECOND] = 1.0
     y[0] = z[0] - north - x[State.VELOCITY_ERROR_FIRST]
     y[1] = z[1] - east - x[State.VELOCITY_ERROR_SECOND]
-    return 2
-
-
-@compiled
-def _acceleration(x: Floats, z: Floats, H: Floats, y: Floats) -> int:
-    """Acceleration at the sensor, forward and starboard [m/s²]."""
-    u, v, r = x[State.U], x[State.V], x[State.R]
-    H[0, State.U_DOT], H[0, State.V], H[0, State.R] = 1.0, -r, -v
-    H[1, State.V_DOT], H[1, State.U], H[1, State.R] = 1.0, r, u
-    y[0] = z[0] - x[State.U_DOT] + r * v
-    y[1] = z[1] - x[State.V_DOT] - r * u
     return 2
 
 

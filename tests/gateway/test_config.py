@@ -109,6 +109,12 @@ def test_the_resolved_configuration_is_a_configuration(tmp_path: Path, text: str
     assert tomllib.loads(as_toml(resolved)) == tables
 
 
+def test_a_noise_that_nothing_reads_any_more_still_loads(tmp_path: Path) -> None:
+    text = "[filter.sources.IMU]\nacceleration_mps2 = 0.5"
+    assert load_settings(written(tmp_path, text)) == Settings()
+    assert "acceleration_mps2" not in as_tables(Settings())["filter"]["sources"]["IMU"]
+
+
 def test_a_rate_alone_leaves_the_others_as_they_were(tmp_path: Path) -> None:
     found = load_settings(written(tmp_path, "[links.rates]\nATTITUDE = 20\nGPS_RAW_INT = 0"))
     assert found.links.rates == {**FULL_HZ, "ATTITUDE": 20.0, "GPS_RAW_INT": 0.0}
@@ -127,6 +133,7 @@ MISTAKES = {
     "[follow]": "unknown key follow",
     "[zenoh]\nport = 7447": "unknown key zenoh.port",
     "[filter]\nspeed = 1.0": "unknown key filter.speed",
+    "[filter.sources]\nATTITUDE = 1.0": "filter.sources.ATTITUDE",
     "[filter.sources.ATTITUDE]\nroll = 1.0": "unknown key filter.sources.ATTITUDE.roll",
     "[[boats]]\nsystem_id = 1": "missing key boats[0].vessel",
     '[zenoh]\npublish = "yes"': "zenoh.publish = 'yes': input should be a valid boolean",

@@ -67,7 +67,7 @@ def process_noise(x, dt, s):
 
 def reading(kind, x, s):
     """State (13,) -> what that kind reads."""
-    n, e, psi, u, v, r, a, b, r_dot, pn, pe, v1, v2 = x
+    n, e, psi, u, v, r, _, _, r_dot, pn, pe, v1, v2 = x
     c, si = np.cos(psi), np.sin(psi)
     return {
         MeasurementKind.YAW: lambda: np.array([psi]),
@@ -75,7 +75,6 @@ def reading(kind, x, s):
         MeasurementKind.VELOCITY: lambda: np.array([c * u - si * v + v1, si * u + c * v + v2]),
         MeasurementKind.POSITION: lambda: np.array([n + pn, e + pe]),
         MeasurementKind.BODY_VELOCITY: lambda: np.array([u + v1, v + v2]),
-        MeasurementKind.ACCELERATION: lambda: np.array([a - r * v, b + r * u]),
     }[kind]()
 
 
@@ -185,16 +184,14 @@ def random_events(rng: np.random.Generator, count: int, body: bool = False) -> E
     north, east = np.cos(yaw) * u - np.sin(yaw) * v, np.sin(yaw) * u + np.cos(yaw) * v
     position = np.cumsum(np.c_[north, east] * np.diff(time, prepend=0.0)[:, None], axis=0)
     velocity = np.c_[u, v] if body else np.c_[north, east]
-    a = np.c_[0.5 * np.cos(time) - 0.3 * v, -0.2 * np.sin(time) + 0.3 * u]
     wrapped = (yaw + np.pi) % (2 * np.pi) - np.pi
-    choice = rng.integers(0, 6, count)
+    choice = rng.integers(0, 5, count)
     choice[0] = 1
     kinds = (
         (MeasurementKind.YAW, wrapped, 0.02),
         (MeasurementKind.YAW_RATE, np.full(count, 0.3), 0.01),
         (MeasurementKind.BODY_VELOCITY if body else MeasurementKind.VELOCITY, velocity, 0.05),
         (MeasurementKind.POSITION, position, 0.2),
-        (MeasurementKind.ACCELERATION, a, 0.3),
     )
     parts = [ticks(time[choice == 0])]
     for n, (kind, z, std) in enumerate(kinds, start=1):

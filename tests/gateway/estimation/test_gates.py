@@ -66,7 +66,7 @@ def at_rest(until, rate=10.0, yaw=0.4):
     [
         ((YAW,), False),
         ((VELOCITY, POSITION, MeasurementKind.BODY_VELOCITY), False),
-        ((YAW, RATE, MeasurementKind.ACCELERATION), False),
+        ((YAW, RATE), False),
         ((YAW, VELOCITY), True),
         ((YAW, POSITION), True),
         ((YAW, MeasurementKind.BODY_VELOCITY), True),
@@ -81,7 +81,7 @@ def test_an_estimate_rests_on_yaw_and_one_of_velocity_and_position(seen, usable)
 
 LARGEST = {  # of a boat, in the unit of the kind
     YAW: (1e4, 1), RATE: (50.0, 1), VELOCITY: (100.0, 2), POSITION: (1e7, 2),
-    MeasurementKind.BODY_VELOCITY: (100.0, 2), MeasurementKind.ACCELERATION: (200.0, 2),
+    MeasurementKind.BODY_VELOCITY: (100.0, 2),
 }  # fmt: skip
 
 
