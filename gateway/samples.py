@@ -4,7 +4,7 @@ A `Measurement` is one fact from a live link; `Samples` is a column of them from
 from the same mapping functions (`gateway.ingest.mapping`), which take scalars or columns alike.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -74,6 +74,13 @@ class Samples:
 
     def __len__(self) -> int:
         return len(self.order)
+
+    def where(self, kept: NDArray[np.bool_]) -> "Samples":
+        """Those rows (K,) alone."""
+        return replace(
+            self, order=self.order[kept], vehicle_time_ns=self.vehicle_time_ns[kept],
+            receive_time_ns=self.receive_time_ns[kept], values=self.values[kept],
+        )  # fmt: skip
 
     def seconds(self, start_ns: int = 0) -> NDArray[np.float64]:
         """Vehicle time (K,) [s] after a moment."""

@@ -15,7 +15,9 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
-LOWEST_CUTOFF_HZ = 0.1
+# Beyond these it is a damaged number: no boat can be steered with less, and no firmware takes more.
+# 0 stands for none.
+LOWEST_CUTOFF_HZ, HIGHEST_CUTOFF_HZ = 0.5, 1000.0
 CUTOFF = {"ArduPilot": ("INS_GYRO_FILTER", 4.0), "PX4": ("IMU_GYRO_CUTOFF", 40.0)}  # usual [Hz]
 GYRO_FILTERS = tuple(name for name, _ in CUTOFF.values())
 ALLOWED_S = 0.06  # chosen: no filter where 4 Hz are assumed, and the other way round
@@ -33,25 +35,29 @@ class GyroDelay(NamedTuple):
 
 
 def gyro_delay_s(cutoff_hz: float) -> float:
-    """Cut-off of the autopilot's gyro filter [Hz] -> delay of its yaw rate [s].
-
-    0 Hz means no filter; a cut-off below what a boat can be steered with is none either.
-    """
-    if not cutoff_hz >= LOWEST_CUTOFF_HZ:
+    """Cut-off of the autopilot's gyro filter [Hz], 0 for none -> delay of its yaw rate [s]."""
+    if cutoff_hz == 0.0:
         return 0.0
     return math.sqrt(2.0) / (2.0 * math.pi * cutoff_hz)
 
 
 def tells_delay(parameters: Mapping[str, float]) -> bool:
     """Whether the autopilot's parameters say what the delay is."""
-    return any(name in parameters for name in GYRO_FILTERS)
+    return _cutoff_hz(parameters) is not None
+
+
+def _cutoff_hz(parameters: Mapping[str, float]) -> float | None:
+    """The cut-off that they tell, 0 for no filter; None where they tell none that can be."""
+    told = (parameters[name] for name in GYRO_FILTERS if name in parameters)
+    can_be = (f for f in told if f == 0.0 or LOWEST_CUTOFF_HZ <= f <= HIGHEST_CUTOFF_HZ)
+    return next(can_be, None)
 
 
 def gyro_delay_of(parameters: Mapping[str, float], autopilot: str = "") -> GyroDelay:
     """What the autopilot's parameters say of the delay; what is assumed where they do not."""
-    for name in GYRO_FILTERS:
-        if name in parameters:
-            return GyroDelay(gyro_delay_s(parameters[name]))
+    told = _cutoff_hz(parameters)
+    if told is not None:
+        return GyroDelay(gyro_delay_s(told))
     _, usual = CUTOFF.get(autopilot, ("", 0.0))
     return GyroDelay(gyro_delay_s(usual), UNKNOWN_STD_S)
 

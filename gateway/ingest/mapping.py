@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gateway.samples import CHANNELS, Quantity
+from gateway.samples import CHANNELS, Quantity, Samples
 from sim.state import Floats
 
 Column = Any  # a scalar or a (K,) array: mapping functions do not ask which
@@ -351,9 +351,45 @@ def to_degrees(metres: Floats, origin: Origin) -> Floats:
     return np.asarray(metres / scale + place)
 
 
-def on_earth(latitude_deg: float, longitude_deg: float) -> bool:
+# Beyond these it is a damaged field: chosen, not measured.
+MAX_VOLTAGE_V, MAX_WIND_MPS = 1000.0, 100.0
+MAX_LOCAL_M = 1e6  # no local frame reaches further
+
+
+def on_earth(latitude_deg: Column, longitude_deg: Column) -> Column:
     """Are these the degrees of a place?"""
-    return abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0
+    return (abs(latitude_deg) <= 90.0) & (abs(longitude_deg) <= 180.0)
+
+
+def in_local_frame(north_m: Column, east_m: Column) -> Column:
+    """Can a local frame reach there?"""
+    return (abs(north_m) < MAX_LOCAL_M) & (abs(east_m) < MAX_LOCAL_M)
+
+
+def of_a_battery(voltage_v: Column) -> Column:
+    """Can a boat's battery have that voltage?"""
+    return (voltage_v > 0.0) & (voltage_v < MAX_VOLTAGE_V)
+
+
+def of_the_air(north_mps: Column, east_mps: Column) -> Column:
+    """Can the air move like that?"""
+    return (abs(north_mps) < MAX_WIND_MPS) & (abs(east_mps) < MAX_WIND_MPS)
+
+
+CREDIBLE: Mapping[Quantity, Callable[..., Column]] = {
+    Quantity.VOLTAGE: of_a_battery,
+    Quantity.WIND: of_the_air,
+    Quantity.ORIGIN: on_earth,
+    Quantity.GLOBAL_POSITION: on_earth,
+}
+
+
+def credible(samples: Samples) -> Samples:
+    """Without what is wild: a live link passes over the same, and what came before it holds on."""
+    if samples.quantity not in CREDIBLE:
+        return samples
+    kept = CREDIBLE[samples.quantity](*samples.values.T)
+    return samples if kept.all() else samples.where(kept)
 
 
 def distance_m(one: Origin, other: Origin) -> float:

@@ -19,7 +19,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.estimation import FilterSettings, MeasurementKind
 from gateway.estimation.events import KIND_OF, Events
-from gateway.estimation.gyro_delay import GYRO_FILTERS
+from gateway.estimation.gyro_delay import tells_delay
 from gateway.ingest.clock import BoatClock, StampStatus
 from gateway.ingest.log import Boat
 from gateway.ingest.mapping import (
@@ -27,8 +27,11 @@ from gateway.ingest.mapping import (
     Rule,
     counter_us,
     distance_m,
+    in_local_frame,
     instance_of,
     merge_pulses,
+    of_a_battery,
+    of_the_air,
     on_earth,
     to_degrees,
     to_local,
@@ -44,8 +47,6 @@ from sim.state import Floats, Ints
 BETTER_SOURCE_NS = 2_000_000_000  # a better source that was silent for so long is given up
 SAME_MOMENT_NS = 200_000_000  # local and global position further apart are not of one moment
 AGREE_M = 10.0  # a GNSS receiver's own position lags and errs by metres
-MAX_LOCAL_M = 1e6  # no local frame reaches further
-MAX_V, MAX_WIND_MPS = 1000.0, 100.0  # beyond these it is a damaged field
 
 STREAM = {rule.source: number for number, rule in enumerate(MAVLINK)}
 RANK: Mapping[tuple[Quantity, str], tuple[str, int]] = {
@@ -53,7 +54,6 @@ RANK: Mapping[tuple[Quantity, str], tuple[str, int]] = {
     for name, candidates in PRIORITY.items()
     for rank, (quantity, source) in enumerate(candidates)
 }
-GYRO_FILTER_HZ = 0.5, 500.0  # 0 stands for none
 NO_PULSES = np.full(CHANNELS, np.nan)
 MOVES = frozenset(KIND_OF)  # quantities of which nothing is held
 
@@ -108,7 +108,7 @@ class OriginEstimate(NamedTuple):
                 return self._replace(origin=Origin(*m.values))
             case Quantity.GLOBAL_POSITION if on_earth(*m.values):
                 return self._replace(place=m)._paired()
-            case Quantity.POSITION if max(map(abs, m.values)) < MAX_LOCAL_M:
+            case Quantity.POSITION if in_local_frame(*m.values):
                 return self._replace(local=m)._paired()
         return self
 
@@ -288,9 +288,9 @@ class MessageIntake:
             case Quantity.ACTUATORS:
                 pulses = merge_pulses(self._held.pulses, BY_SOURCE[m.source].channels, m.values)
                 self._held = self._held._replace(pulses=pulses, heard=m.receive_time_ns * 1e-9)
-            case Quantity.VOLTAGE if 0.0 < m.values[0] < MAX_V:
+            case Quantity.VOLTAGE if of_a_battery(*m.values):
                 self._held = self._held._replace(voltage=m.values[0])
-            case Quantity.WIND if max(map(abs, m.values)) < MAX_WIND_MPS:
+            case Quantity.WIND if of_the_air(*m.values):
                 self._held = self._held._replace(wind=m.values)
             case Quantity.FIX:
                 self._fixes[m.source] = m.values[0]
@@ -302,10 +302,9 @@ class MessageIntake:
 
     def _note_parameter(self, message: Any) -> None:
         """A parameter came: this program asks for some (not on a silent link), as others may."""
-        low, high = GYRO_FILTER_HZ
-        value = float(message.param_value)
-        if message.param_id in GYRO_FILTERS and (value == 0.0 or low <= value <= high):
-            self.parameters = {message.param_id: value}
+        told = {message.param_id: float(message.param_value)}
+        if tells_delay(told):
+            self.parameters = told
 
     def _inputs(self, motion: list[Measurement]) -> FilterInputs:
         """The measurements of one message as inputs."""

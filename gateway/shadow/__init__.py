@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from gateway.estimation import FilterSettings
 from gateway.estimation.events import KIND_OF, Events, from_samples, join, ticks
 from gateway.ingest.log import BoatSamples
-from gateway.ingest.mapping import Origin, to_degrees, to_local
+from gateway.ingest.mapping import Origin, credible, in_local_frame, to_degrees, to_local
 from gateway.ingest.sources import Choice
 from gateway.samples import CHANNELS, Quantity, Samples
 from sim.state import Floats, Ints
@@ -103,7 +103,7 @@ def held_inputs(decoded: BoatSamples, choices: Mapping[str, Choice], epoch_ns: i
     def of(name: str, width: int) -> HeldSeries:
         if name not in choices:
             return HeldSeries(np.zeros(0), np.zeros((0, width)))
-        return held_series(choices[name].samples, epoch_ns)
+        return held_series(credible(choices[name].samples), epoch_ns)
 
     return HeldInputs(
         _held_pulses(decoded, choices, epoch_ns),
@@ -305,7 +305,8 @@ def _in_metres(samples: Samples, origin: Origin | None) -> Samples:
     """Latitude and longitude as north, east about the origin; anything else unchanged."""
     if samples.quantity is not Quantity.GLOBAL_POSITION or origin is None:
         return samples
-    return replace(samples, quantity=Quantity.POSITION, values=to_local(samples.values, origin))
+    places = credible(samples)
+    return replace(places, quantity=Quantity.POSITION, values=to_local(places.values, origin))
 
 
 def origin_of(decoded: BoatSamples, choices: Mapping[str, Choice]) -> Origin | None:
@@ -313,12 +314,14 @@ def origin_of(decoded: BoatSamples, choices: Mapping[str, Choice]) -> Origin | N
     position = choices.get("position")
     if position is None:
         return None
-    if "origin" in choices:
-        return Origin(*map(float, choices["origin"].samples.values[-1]))
-    places = decoded.of(Quantity.GLOBAL_POSITION)
+    if "origin" in choices and len(told := credible(choices["origin"].samples)):
+        return Origin(*map(float, told.values[-1]))
     if position.samples.quantity is Quantity.GLOBAL_POSITION:
-        return Origin(*map(float, position.samples.values[0]))
-    return _origin_between(position.samples, places[0]) if places else None
+        own = credible(position.samples)
+        return Origin(*map(float, own.values[0])) if len(own) else None
+    others = decoded.of(Quantity.GLOBAL_POSITION)
+    places = credible(others[0]) if others else ()
+    return _origin_between(position.samples, places) if places else None
 
 
 def _origin_between(position: Samples, place: Samples) -> Origin:
@@ -326,7 +329,8 @@ def _origin_between(position: Samples, place: Samples) -> Origin:
     guess = Origin(*map(float, place.values[0]))
     metres = to_local(place.values, guess)
     at = seconds(place.vehicle_time_ns, int(place.vehicle_time_ns[0]))
-    known = held_series(position, int(place.vehicle_time_ns[0])).at(at)
+    reached = position.where(in_local_frame(*position.values.T))
+    known = held_series(reached, int(place.vehicle_time_ns[0])).at(at)
     if not np.isfinite(known).any():
         return guess
     return Origin(*map(float, to_degrees(np.nanmedian(metres - known, axis=0), guess)))
@@ -388,7 +392,7 @@ def _latest(choices: Mapping[str, Choice], name: str, order: Ints, width: int) -
     """Values (K, width) as last received before each measurement; NaN before the first."""
     if name not in choices:
         return np.full((len(order), width), np.nan)
-    return _by_order(choices[name].samples).at(order)
+    return _by_order(credible(choices[name].samples)).at(order)
 
 
 def _by_order(samples: Samples) -> HeldSeries:

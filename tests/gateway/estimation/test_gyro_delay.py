@@ -55,6 +55,13 @@ def test_a_compass_that_jumps_still_does(reported, autopilot):
     assert headings_that(Flag.JUMP, events, SETTINGS[autopilot]) == 1
 
 
+@pytest.mark.parametrize("absurd", [0.2, -4.0, 1e-30, 1e5, np.inf, np.nan])
+def test_a_cut_off_that_cannot_be_tells_nothing(absurd):
+    parameters = {"INS_GYRO_FILTER": absurd}
+    assert gyro_delay_of(parameters, "ArduPilot") == gyro_delay_of({}, "ArduPilot")
+    assert assumed_texts(parameters, "ArduPilot") == assumed_texts({}, "ArduPilot")
+
+
 def test_what_is_assumed_is_the_usual_filter_and_is_said():
     assert gyro_delay_of({"IMU_GYRO_CUTOFF": 20.0}, "PX4") == (gyro_delay_s(20.0), 0.0)
     assert gyro_delay_of({"INS_GYRO_FILTER": 0.0}, "ArduPilot") == (0.0, 0.0)

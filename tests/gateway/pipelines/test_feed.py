@@ -4,9 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gateway.estimation import MeasurementKind
+from gateway.estimation import FilterSettings, MeasurementKind
+from gateway.ingest.log import Boat
 from gateway.ingest.open import open_log
+from gateway.live.intake import MessageIntake
 from gateway.offline.replay import replay_input_of
 from gateway.shadow import BLIND_S, SILENCE_S, TICK_S, FilterInputs
 from tests.gateway.ingest.scripted import Script, attitude, heartbeat, local_position, servo
@@ -39,6 +42,42 @@ def test_a_fact_knows_the_latest_command_received_before_it(tmp_path: Path) -> N
     assert np.isnan(first[feed.events.time_s < 0.99]).all()
     assert (first[(feed.events.time_s > 0.99) & (feed.events.time_s < 1.99)] == 1700.0).all()
     assert (first[feed.events.time_s > 1.99] == 1300.0).all()
+
+
+def test_wild_values_of_a_log_are_passed_over_as_those_of_a_live_link_are(tmp_path: Path) -> None:
+    script = Script()
+    script.send(0.0, heartbeat())
+    script.send(0.0, dialect.MAVLink_gps_global_origin_message(634470000, 104000000, 0))
+    for t, wind_mps, cell_mv in ((0.0, 5.0, 12600), (1.0, 1e30, 0), (2.0, 150.0, 65535)):
+        script.send(t, dialect.MAVLink_wind_message(180.0, wind_mps, 0.0))
+        cells = [cell_mv, *[65535] * 9]
+        script.send(t, dialect.MAVLink_battery_status_message(0, 0, 0, 0, cells, 0, 0, 0, 0))
+        moving(script, t, t + 1.0)
+    script.send(2.9, dialect.MAVLink_gps_global_origin_message(2**31 - 1, 0, 0))
+    feed = filter_inputs_of(script, tmp_path)
+    intake = MessageIntake(Boat(1, 1), FilterSettings())
+    parts = [intake.take(message, at) for at, message in script.sent]
+    live = FilterInputs.joined([part for part in parts if part is not None])
+    assert len(live) == len(feed) > 100
+    assert feed.wind[:, 0] == pytest.approx(5.0)
+    assert np.array_equal(feed.wind, live.wind)
+    assert np.array_equal(feed.voltage, live.voltage)
+    given = replay_input_of(open_log(tmp_path / "scripted.tlog"))
+    assert given.origin == intake.origin == pytest.approx((63.447, 10.4))
+
+
+def test_a_place_that_is_none_on_earth_is_no_origin_of_a_log(tmp_path: Path) -> None:
+    script = Script()
+    script.send(0.0, heartbeat())
+    for k in range(50):
+        t, lat, lon = 0.1 * k, *((2**31 - 1, 0) if k % 20 == 0 else (634470000 + k, 104000000))
+        script.send(t, attitude(100.0 + t))
+        place = dialect.MAVLink_global_position_int_message
+        script.send(t, place(round(1e3 * (100.0 + t)), lat, lon, 0, 0, 100, 0, 0, 0))
+    feed = filter_inputs_of(script, tmp_path)
+    z = feed.events.z[feed.events.kind == MeasurementKind.POSITION]
+    assert len(z) == 47
+    assert np.abs(z).max() < 1.0
 
 
 def test_no_pulses_while_disarmed(tmp_path: Path) -> None:
