@@ -287,7 +287,7 @@ def _held_against_a_curve(
     left beside it.
     """
     selection, ladder, floor = found.selection, found.ladder, found.floor
-    more = max(selection.fit.noise_share) > thresholds.MAX_NOISE_SHARE and not found.is_predicted
+    more = not is_at_floor(selection.fit.noise_share) and not found.is_predicted
     more = more or verdict is Verdict.UNKNOWN
     curve = find_free_curve(
         vessel, selection, search.scorer, search.progress, search.mapper, forms, beside=more,

@@ -22,6 +22,7 @@ import numpy as np
 from sim.diagnosis import thresholds
 from sim.diagnosis.fit import Fit, fit_effects
 from sim.diagnosis.fit_problem import FitProblem
+from sim.diagnosis.worth import is_at_floor
 from sim.effects.effect import Effect, Role, Shown
 from sim.identification.innovations import CLIP_STD
 from sim.identification.runs import RunSet
@@ -66,7 +67,7 @@ def acts_before_motion(before: Fit, after: Fit) -> bool:
 
     Where no more is left than noise nothing shakes the boat that commands could answer.
     """
-    if max(after.noise_share) < thresholds.MAX_NOISE_SHARE:
+    if is_at_floor(after.noise_share):
         return True
     return nats_one_step(before, after) > thresholds.MIN_NATS_ONE_STEP
 

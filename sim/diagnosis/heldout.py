@@ -157,8 +157,7 @@ class HeldOutScorer:
         unstable that noise hides the motion: how fast errors grow on a boat is not known from a
         model that is not hers.
         """
-        u, v, r = fit.noise_share
-        if max(u, v) >= thresholds.MAX_NOISE_SHARE or r >= thresholds.MAX_NOISE_SHARE_OF_TURN:
+        if not _is_noise_but_for_gusts(fit.noise_share):
             return self
         model = fit.unknowns.model
         rulers = tuple(
@@ -221,6 +220,14 @@ class HeldOutScorer:
                 squares.append(scaled_squares(error, ruler.scales))
                 labels.append(1e6 * trial + mine.blocks[segment])
         return np.concatenate(squares), np.concatenate(labels)
+
+
+def _is_noise_but_for_gusts(noise_share: tuple[float, float, float]) -> bool:
+    """Whether no more is left than is stated as noise, and in turning what gusts add, which
+    `worth.is_at_floor` does not allow for.
+    """
+    u, v, r = noise_share
+    return max(u, v) < thresholds.MAX_NOISE_SHARE and r < thresholds.MAX_NOISE_SHARE_OF_TURN
 
 
 def _ruler(trial: Trial, first: Model) -> Ruler | None:
