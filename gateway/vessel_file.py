@@ -311,6 +311,15 @@ def listed(texts: Iterable[str], mark: str = ", ") -> str:
     return shortened(mark.join(texts), MAX_LISTED - 1)
 
 
+def of_fitted_areas(intervals: Mapping[str, tuple[float, float]], doubts: Iterable[str]) -> str:
+    """What is said of areas above water that were fitted: by name, 95 % intervals [m²]; doubts."""
+    ends = " and ".join(f"{low:.3g} … {high:.3g}" for low, high in intervals.values())
+    one = len(intervals) == 1
+    what = f"{next(iter(intervals))} fitted" if one else "fitted"
+    says = f"{what} to the measured wind, 95 % interval{'' if one else 's'} {ends} m²"
+    return listed(filter(None, (says, *doubts)), "; ")
+
+
 def zenoh_key(vessel: Vessel) -> str:
     """The vessel's name as a key on zenoh: small letters, no blanks or special characters."""
     return "".join(c if c.isalnum() or c in "-_" else "-" for c in vessel.name.lower()).strip("-")

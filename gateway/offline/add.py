@@ -16,6 +16,7 @@ from gateway.user_effects import known_effects
 from gateway.vessel_file import (
     listed,
     load_vessel,
+    of_fitted_areas,
     read_vessel_file,
     revised,
     same_number,
@@ -269,7 +270,7 @@ def _provenance(step: StepEntry, diagnosis: DiagnosisFile) -> dict[str, Provenan
         "fit": " ".join(["shadow diagnose", *step.effects]),
     }
     base = dict(step.base_parameters)
-    areas = [base.pop(name) for name in AREAS if name in base]
+    areas = {name: base.pop(name) for name in AREAS if name in base}
     numbers = {f"dynamics.{name}": n for name, n in base.items()}
     numbers |= {f"{e}.{key}": n for e, own in step.parameters.items() for key, n in own.items()}
     out = {
@@ -277,9 +278,8 @@ def _provenance(step: StepEntry, diagnosis: DiagnosisFile) -> dict[str, Provenan
         for key, n in numbers.items()
     }
     if areas:
-        ends = " and ".join(f"{n.ci95[0]:.3g} … {n.ci95[1]:.3g}" for n in areas)
-        says = f"fitted to the measured wind, 95 % intervals {ends} m²"
-        out[AREAS_KEY] = Provenance(**common, ci95=None, says=says)
+        intervals, doubts = {k: n.ci95 for k, n in areas.items()}, [n.doubt for n in areas.values()]
+        out[AREAS_KEY] = Provenance(**common, says=of_fitted_areas(intervals, doubts))
     return out
 
 

@@ -12,6 +12,7 @@ from dataclasses import replace
 from fnmatch import fnmatch
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 from gateway.errors import BadInput, numerical_errors
 from gateway.figures import FigureData
@@ -28,10 +29,17 @@ from gateway.offline.usable_time import (
     limit_to_span,
     runs_without_thrust,
 )
-from gateway.vessel_file import dump_vessel, listed, load_vessel, read_vessel_file, revised
-from gateway.vessel_tables import DynamicsTable, Provenance
+from gateway.vessel_file import (
+    dump_vessel,
+    listed,
+    load_vessel,
+    of_fitted_areas,
+    read_vessel_file,
+    revised,
+)
+from gateway.vessel_tables import AREAS_KEY, DynamicsTable, Provenance
 from sim.effects.effect import Effect
-from sim.identification import BASE, MASSES, IdentifySettings
+from sim.identification import AREAS, BASE, MASSES, IdentifySettings
 from sim.identification.by_recording import ByRecording, PooledNumber, identify_by_recording
 from sim.identification.identify import Identification, identify
 from sim.identification.intervals import Estimate
@@ -147,20 +155,27 @@ def provenance(
 
     Of a number that each recording has for itself, the file holds that of the first.
     """
-    names = listed(trial.name for trial in trials)
-    return {
+    common: dict[str, Any] = {
+        "recording": listed(trial.name for trial in trials),
+        "date": date_of(trials[0]),
+        "version": version("shadow-gateway"),
+        "fit": f"shadow identify, {fit}",
+    }
+    out = {
         f"dynamics.{e.name}" if e.name in DynamicsTable.model_fields else e.name: Provenance(
-            recording=e.trial or names,
-            date=date_of(trials[0]),
-            version=version("shadow-gateway"),
-            fit=f"shadow identify, {fit}",
+            **common | ({} if e.trial is None else {"recording": e.trial}),
             value=e.value,
             ci95=e.ci95,
             says=listed(filter(None, (e.doubt, *_on_other_recordings(e, estimates))), "; "),
         )
         for e in estimates
-        if e.trial in (None, trials[0].name)
+        if e.trial in (None, trials[0].name) and e.name not in AREAS
     }
+    areas = [e for e in estimates if e.name in AREAS]
+    if areas:  # the file has both under one key
+        says = of_fitted_areas({e.name: e.ci95 for e in areas}, [e.doubt for e in areas])
+        out[AREAS_KEY] = Provenance(**common, says=says)
+    return out
 
 
 def _on_other_recordings(one: Estimate, estimates: Sequence[Estimate]) -> list[str]:

@@ -18,10 +18,13 @@ from gateway.offline.identify import (
 from gateway.offline.trials import TrialOptions
 from gateway.offline.usable_time import parse_exclusions
 from gateway.terminal.identification import show_identification
-from gateway.vessel_file import load_vessel, read_vessel_file
+from gateway.vessel_file import dump_vessel, load_vessel, read_vessel_file
+from sim.effects.catalogue import EFFECTS
+from sim.identification import updated_vessel
 from sim.identification.identify import Identification
 from sim.identification.intervals import Estimate
 from sim.prediction.free_runs import DivergedError
+from sim.vessel import AddedEffect
 from tests.conftest import ROOT
 from tests.gateway.ingest.made_table import Traps, boat_toml
 from tests.gateway.ingest.made_table import written as written_table
@@ -122,6 +125,28 @@ def test_of_a_number_that_each_recording_has_the_first_is_kept_and_that_is_said(
     assert "steady_current.speed" in warning
     assert "day 1" in warning
     assert voyage_notices(replace(found, estimates=(mass, speeds[0]))) == []
+
+
+@pytest.mark.parametrize("name", ["area_front", "area_side"])
+def test_areas_that_were_fitted_are_not_said_to_be_assumed(tmp_path, name):
+    wind = next(e for e in EFFECTS if e.name == "steady_wind")
+    known = {p.name: p.default for p in wind.parameters if p.default is not None}
+    bare = replace(WAM_V, hull=replace(WAM_V.hull, wind_area=(0.0, 0.0)))
+    bare = bare.with_effects(AddedEffect(wind, {"speed": 5.0, "direction": 1.0, **known}))
+    file = tmp_path / "boat.toml"
+    file.write_text(dump_vessel(bare), encoding="utf-8")
+    old, boat = read_vessel_file(file), load_vessel(file)
+    assert old.provenance["hull.wind_area"].says.startswith("assumed")
+    found = Estimate(name, "m²", 0.5, 0.12, (0.1, 0.15), True, doubt="a guess")
+    told = provenance((found,), [simulated(WAM_V, 20.0)], "shooting, 60 s")
+    better = updated_vessel(boat, {name: 0.12})
+    file.write_text(dump_vessel(better, old.provenance | told), encoding="utf-8")
+    (key,) = told
+    assert key == "hull.wind_area"
+    assert read_vessel_file(file).provenance[key].says == (
+        f"{name} fitted to the measured wind, 95 % interval 0.1 … 0.15 m²; a guess"
+    )
+    assert load_vessel(file).hull.wind_area == better.hull.wind_area
 
 
 def test_pictures_and_exclusions(tmp_path):
