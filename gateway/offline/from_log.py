@@ -48,14 +48,16 @@ from sim.state import Floats, Nu, Progress
 from sim.trial import Trial
 from sim.vessel import Vessel
 
-MOVES_US = 5.0  # standard deviation of an output that moves anything; chosen, not measured
+# Standard deviation of an output that is not merely held, gentle as its pilot may be: the two that
+# change most are the motors. An alarm that one is unknown takes more, `notices.MOVES_US`. Chosen.
+CHANGES_US = 5.0
 USUAL_US = tuple(pulse for _, pulse in LIMITS_US)  # lowest, neutral, highest
 
 
 def assumed_actuators(trial: Trial) -> tuple[list[Actuator], str]:
     """Outputs of a trial that move the boat, and the sentence that says what was assumed."""
     spread = np.nan_to_num(np.nanstd(trial.pwm[trial.usable], axis=0))
-    moving = [i for i in np.argsort(-spread, kind="stable") if spread[i] > MOVES_US][:2]
+    moving = [i for i in np.argsort(-spread, kind="stable") if spread[i] > CHANGES_US][:2]
     if not moving:
         raise BadInput(f"{trial.name}: no output ever changes: nothing can be learnt from that")
     outputs = [_output(trial, i) for i in sorted(moving)]

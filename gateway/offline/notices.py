@@ -20,7 +20,8 @@ from sim.state import Floats
 from sim.trial import Trial
 from sim.vessel import Servo, Vessel
 
-MOVES_US = 30.0  # standard deviation of a pulse width; chosen, not measured
+# Standard deviation of the pulses of an output that is told to move beside the known ones; chosen.
+MOVES_US = 30.0
 NUMBER = re.compile(r"[+-]?\d+(\.\d+)?")
 
 
