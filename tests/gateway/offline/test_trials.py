@@ -26,6 +26,7 @@ from gateway.offline.trials import (
 )
 from gateway.simulated_boat.play import write_log
 from gateway.vessel_file import load_vessel
+from sim.diagnosis.thresholds import MIN_RATE_HZ
 from sim.effects.catalogue import named
 from sim.identification.identify import held_out
 from sim.state import Eta, Nu
@@ -464,4 +465,5 @@ def test_outputs_that_are_told_too_seldom_are_a_notice(hz: float, told: bool) ->
     """
     found = usable_time.told_too_seldom({"commands": SimpleNamespace(rate_hz=hz)})  # type: ignore[dict-item]
     assert [f"outputs are told at {hz:.2g} Hz: " in text for text in found] == [True] * told
+    assert all(f"({MIN_RATE_HZ:g} Hz are enough)" in text for text in found)  # for lags too
     assert usable_time.told_too_seldom({}) == []
