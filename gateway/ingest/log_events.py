@@ -28,7 +28,6 @@ from gateway.ingest.parameter_changes import parameter_changes
 from gateway.ingest.sources import choose
 from sim.state import Ints
 
-ARMING = {True: "armed", False: "disarmed"}
 STATUS = "vehicle_status"  # of PX4: its modes
 LOGGED = "logged_message"  # texts of a ULog
 PX4_EVENT = "event"  # of PX4's events interface: a number, whose text is in the firmware's metadata
@@ -48,8 +47,8 @@ class LogEvent:
 def log_events(log: Log, boat: Boat) -> list[LogEvent]:
     """Everything that happened to a boat or was said by it, in order of time."""
     found = [
-        *_heartbeats(log, boat), *_flash_states(log), *_other_states(log, boat), *_said(log, boat),
-        *_parameters(log, boat), *_estimator(log, boat), *_of_the_shadow(log),
+        *_heartbeats(log, boat), *_flash_states(log, boat), *_other_states(log, boat),
+        *_said(log, boat), *_parameters(log, boat), *_estimator(log, boat), *_of_the_shadow(log),
     ]  # fmt: skip
     first = log_start_ns(log)
     return [
@@ -74,50 +73,45 @@ def _heartbeats(log: Log, boat: Boat) -> Iterator[Row]:
     own = (beats.system == boat.system) & (beats.component == boat.component)
     at = beats.receive_time_ns[own]
     armed = (beats.columns["base_mode"][own].astype(np.int64) & ARMED_BIT) > 0
-    yield from _state_changes(at, armed.tolist(), ARMING)
-    if boat.autopilot == "PX4":
-        yield from _named_modes(beats, boat)
-    else:
-        yield from _state_changes(at, beats.columns["custom_mode"][own].tolist(), {})
+    yield from _arming(at, armed.tolist())
+    yield from _named_modes(beats, boat)
 
 
-def _flash_states(log: Log) -> Iterator[Row]:
+def _flash_states(log: Log, boat: Boat) -> Iterator[Row]:
     """The same of a DataFlash log."""
     counts = log.counts()
     if "ARM" in counts:
         table = log.table("ARM")
         states = (table.columns["ArmState"].astype(np.int64) > 0).tolist()
-        yield from _state_changes(table.receive_time_ns, states, ARMING)
+        yield from _arming(table.receive_time_ns, states)
     if "MODE" in counts:
-        table = log.table("MODE")
-        yield from _state_changes(table.receive_time_ns, table.columns["Mode"].tolist(), {})
+        yield from _named_modes(log.table("MODE"), boat)
 
 
 def _other_states(log: Log, boat: Boat) -> Iterator[Row]:
-    """The same of a ULog or a table: arming as it is decoded, modes where they have names."""
+    """The same of a ULog or a table: arming as it is decoded."""
     counts = log.counts()
     armed = choose(log.decode(boat).samples).get("armed")
     if armed is not None and not counts.keys() & {"HEARTBEAT", "ARM"}:
         at, values = armed.samples.receive_time_ns, armed.samples.values[:, 0] > 0.0
-        yield from _state_changes(at, values.tolist(), ARMING)
+        yield from _arming(at, values.tolist())
     if STATUS in counts:
-        table = log.table(STATUS)
-        with suppress(*UNREADABLE, KeyError):  # a log's own definition may lack the mode
-            yield from _named_modes(table, boat)
+        yield from _named_modes(log.table(STATUS), boat)
 
 
 def _named_modes(table: Table, boat: Boat) -> Iterator[Row]:
-    """Changes of mode by their names, of PX4."""
-    for one in _mode_changes(table.receive_time_ns, table, boat):
-        name = one.text.removeprefix("state ").removeprefix("mode ")
-        yield one.time_ns, "autopilot", "info", f"mode {name}"
+    """The first mode and every other one, by their names; one that has none by its number."""
+    with suppress(*UNREADABLE, KeyError):  # a log's own definition may lack the mode
+        for one in _mode_changes(table.receive_time_ns, table, boat):
+            name = one.text.removeprefix("state ").removeprefix("mode ")
+            yield one.time_ns, "autopilot", "info", f"mode {name}"
 
 
-def _state_changes(at: Any, states: list[Any], names: dict[Any, str]) -> Iterator[Row]:
-    """The first state and every other one; a state without a name is the number of a mode."""
-    for k, state in enumerate(states):
-        if k == 0 or state != states[k - 1]:
-            yield int(at[k]), "autopilot", "info", names.get(state, f"mode {state}")
+def _arming(at: Any, states: list[bool]) -> Iterator[Row]:
+    """Whether it is armed at first, and every change."""
+    for k, armed in enumerate(states):
+        if k == 0 or armed != states[k - 1]:
+            yield int(at[k]), "autopilot", "info", "armed" if armed else "disarmed"
 
 
 def _said(log: Log, boat: Boat) -> Iterator[Row]:

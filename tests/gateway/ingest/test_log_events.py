@@ -66,10 +66,10 @@ def test_all_that_happened_is_told_once_and_in_order(tmp_path: Path) -> None:
     (boat,) = boats_of(log)
     assert log_events(log, boat) == [
         LogEvent(0.0, "autopilot", "info", "disarmed"),
-        LogEvent(0.0, "autopilot", "info", "mode 0"),
+        LogEvent(0.0, "autopilot", "info", "mode manual"),
         LogEvent(1.0, "autopilot", "info", "armed"),
         LogEvent(2.5, "shadow", "warning", "gone"),
-        LogEvent(3.0, "autopilot", "info", "mode 10"),
+        LogEvent(3.0, "autopilot", "info", "mode auto"),
         LogEvent(4.0, "autopilot", "error", "x" * 50 + "and more"),
         LogEvent(5.0, "autopilot", "info", "disarmed"),
     ]
@@ -133,6 +133,16 @@ def test_the_modes_of_px4_have_their_names_in_mavlink_too() -> None:
     texts = [one.text for one in log_events(log, boat)]
     named = ["position", "mission", "hold", "return", "manual", "99"]
     assert texts == ["disarmed", *(f"mode {name}" for name in named)]
+
+
+def test_the_modes_of_ardupilot_have_their_names_and_one_without_its_number() -> None:
+    script = Script()
+    for k, mode in enumerate((0, 4, 4, 15, 99)):
+        script.send(float(k), beat(False, mode))
+    log = script.log()
+    (boat,) = boats_of(log)
+    texts = [one.text for one in log_events(log, boat)]
+    assert texts == ["disarmed", "mode manual", "mode hold", "mode guided", "mode 99"]
 
 
 def px4_log(writer: UlogWriter, folder: Path) -> Log:
