@@ -64,7 +64,7 @@ class DiagnoseSettings:
     """How a diagnosis is made.
 
     prior     relative standard deviation of the base numbers as given
-    trusted   that was asked for: no second look with more room for them
+    trusted   a person chose that prior: no second look that gives the base numbers more room
     most      effects that are added at most; 1: only the first, 0: only the ranking
     horizons  of the free runs [s]
     effects   the catalogue that is tried

@@ -278,7 +278,8 @@ REPEATED_SHARE = 0.9  # of rows with the time of the row before, that say the sa
 
 def repeated_rows(time_s: Floats, columns: Mapping[str, Floats]) -> NDArray[np.bool_]:
     """Rows (K,) that a writer wrote twice: nearly all that have the time of the row before say the
-    same as it. One or the other that does is of a boat that lay still.
+    same as it. Where only few do, nothing was written twice: a boat that lies still measures the
+    same again.
     """
     same_time = np.append(False, time_s[1:] == time_s[:-1])
     same = [
