@@ -36,6 +36,7 @@ from gateway.ingest.mapping import Origin
 from gateway.links import Peer
 from gateway.simulated_boat.telemetry import degrees_e7
 from sim.hil import Attitude, Readings, to_hull
+from sim.plants.waves import GRAVITY
 from sim.vessel import Vessel
 
 STEP_S = 0.004  # what PX4 expects of a simulator: 250 Hz
@@ -54,7 +55,7 @@ SOUNDER_CM = 30, 10_000  # nearest and farthest bottom that the echo sounder tel
 GAUSS_PER_NT = 1e-5
 LAST_DIGIT_GAUSS, LAST_DIGIT_HPA = 1e-5, 5e-4  # they move: numbers that never do are stale to PX4
 BOTH_WAYS_US, AHEAD_US = (1000.0, 1500.0, 2000.0), (1000.0, 1000.0, 2000.0)  # of pwm_out_sim
-GYRO_STEP, ACCEL_STEP = radians(2000.0) / 2**15, 9.80665 / 2**11  # of PX4's simulated IMU 0
+GYRO_STEP, ACCEL_STEP = radians(2000.0) / 2**15, GRAVITY / 2**11  # of PX4's simulated IMU 0
 SYSTEM, COMPONENT = 1, mavlink.MAV_COMP_ID_USER1  # of this side: there is no id for simulators
 
 
@@ -244,7 +245,7 @@ class Px4Session(Session):
     def _state(self, r: Readings, time_us: int) -> Any:
         """Airspeeds are 0: a boat has none."""
         vn, ve, vd = r.velocity
-        accel = [round(1000.0 * f / 9.80665) for f in r.accel]
+        accel = [round(1000.0 * f / GRAVITY) for f in r.accel]
         return mavlink.MAVLink_hil_state_quaternion_message(
             time_us, quaternion(*r.attitude), *r.gyro, *degrees_e7(self._place, *r.position[:2]),
             round(-1000.0 * r.position[2]), *(round(100.0 * v) for v in (vn, ve, vd)), 0, 0, *accel,

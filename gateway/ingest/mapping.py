@@ -35,10 +35,11 @@ Facts = tuple[tuple[Quantity, tuple[Column, ...]], ...]
 PX4_STOPPED_US = 900.0  # of an output that is disarmed or stopped: PX4's pwm_out_sim
 PX4_CONSTANT = 0  # of `estimator_faults`
 SHORTEST_US, LONGEST_US = 400.0, 2600.0  # outside these a servo gets no pulse that it understands
-FIX_2D = 2  # GNSS fix type
+FIX_2D, FIX_3D = 2, 3  # GNSS fix type
 LEVEL_RAD = 0.1  # of roll and pitch; chosen
 MIN_COS_PITCH = 0.4  # of a bow that points nearly straight up or down; chosen
 UNIX_FROM_US = 1_000_000_000_000_000  # larger counters are Unix time (2001), not time since boot
+CREDIBLE_US = 1 << 52  # 142 years: a larger one is damaged
 
 
 def moment_of(unix_s: float) -> datetime | None:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from gateway.errors import BadInput
 from gateway.estimation import MeasurementKind
 from gateway.estimation.events import Events
-from gateway.ingest.mapping import STATUS_CONFIRMED_S, THRUST_FUNCTIONS, actuators
+from gateway.ingest.mapping import FIX_3D, STATUS_CONFIRMED_S, THRUST_FUNCTIONS, actuators
 from gateway.ingest.sources import Choice
 from gateway.shadow import HeldInputs
 from gateway.shadow.sensor_checks import (
@@ -74,7 +74,6 @@ REASONS = (
 LEFT_OUT = "left out by --exclude"
 
 # All chosen by looking at recordings, none measured.
-FIX_3D = 3  # GPS_FIX_TYPE_3D_FIX of MAVLink
 GAP_S = 2.0  # a longer silence of heading, motion or commands is a gap
 IDLE_S = 10.0  # without thrust and motion for at least this long, a boat is not under way
 IDLE_MPS, IDLE_RADPS = 0.1, 0.05  # slower is no motion

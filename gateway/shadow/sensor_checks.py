@@ -21,13 +21,12 @@ import numpy as np
 
 from gateway.estimation import MeasurementKind
 from gateway.estimation.events import Events
-from gateway.ingest.mapping import STATUS_CONFIRMED_S, EstimatorFault
+from gateway.ingest.mapping import FIX_3D, STATUS_CONFIRMED_S, EstimatorFault
 from gateway.shadow import FilterInputs
 from sim.kernel.compiled import compiled
 from sim.state import Floats, Ints, wrap
 
 # All chosen, not measured.
-FIX_3D = 3.0  # GPS_FIX_TYPE_3D_FIX of MAVLink
 SETTLE_S = 5.0
 MIN_JUMP_RAD = 0.17  # ten degrees: what an autopilot's filter corrects in seconds is less
 JUMP_BACK_RAD = 0.09

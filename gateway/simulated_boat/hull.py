@@ -29,6 +29,7 @@ from sim.excitation.catalogue import BY_NAME, Circles, Mixed, Spin
 from sim.hil import Battery
 from sim.model import InputTable, Model, Runs
 from sim.near_names import did_you_mean
+from sim.plants.waves import GRAVITY
 from sim.state import Floats, to_body, to_world
 from sim.vessel import Vessel
 
@@ -206,7 +207,6 @@ class SimulatedHull:
         return u_dot - r * v - r_dot * y - r * r * x, v_dot + r * u + r_dot * x - r * r * y
 
 
-GRAVITY = 9.80665  # m/s²
 GPS_AGE = 0.12  # s, of a receiver's solution when it is sent
 
 

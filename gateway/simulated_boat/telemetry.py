@@ -18,7 +18,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from gateway.errors import BadInput
 from gateway.ingest.mapping import Origin, metres_per_degree
-from gateway.simulated_boat.hull import GPS_AGE, GRAVITY, SensedValues
+from gateway.simulated_boat.hull import GPS_AGE, SensedValues
+from sim.plants.waves import GRAVITY
 from sim.vessel import Servo, Thruster, Vessel
 
 DRIFT_MPS2, MAX_DRIFT_MPS = 0.04, 1.0  # of the velocity that is reckoned without GPS

@@ -39,7 +39,7 @@ from gateway.ingest.log import (
     lanes_notice,
     numbers,
 )
-from gateway.ingest.mapping import banner
+from gateway.ingest.mapping import CREDIBLE_US, banner
 from gateway.ingest.mavlink.frames import group
 from gateway.samples import Quantity, Samples
 from sim.kernel.compiled import compiled
@@ -48,7 +48,6 @@ from sim.state import Ints
 Bytes = NDArray[np.uint8]
 U = np.uint64
 PAYLOAD = 3  # behind the magic bytes and the type
-CREDIBLE_US = 1 << 52
 GPS_EPOCH_S = 315_964_800  # 1980-01-06 in Unix time
 WEEK_S = 604_800
 LEAP_S = 18  # GPS − UTC since 2017, as in pymavlink

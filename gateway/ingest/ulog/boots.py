@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.ingest.clock import JUMP
+from gateway.ingest.mapping import CREDIBLE_US
 from sim.state import Floats, Ints
 
-CREDIBLE_US = 1 << 52  # 142 years
 JUMP_US = JUMP // 1000  # as the boat's clock has it
 AROUND = 11  # rows before and behind that tell what time it is
 SPREADS = 4.0  # median deviations of them that another row may be off by

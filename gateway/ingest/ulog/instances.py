@@ -23,7 +23,7 @@ import numpy as np
 
 from gateway.ingest.dataflash.lanes import MAX_LANES, LanesInUse
 from gateway.ingest.log import Log, Table, numbers
-from gateway.ingest.mapping import Rule
+from gateway.ingest.mapping import FIX_3D, Rule
 from gateway.ingest.ulog.mapping import (
     COMMANDS,
     ESTIMATORS,
@@ -37,7 +37,6 @@ from sim.state import Floats
 
 LOWEST_US, HIGHEST_US = 800.0, 2200.0  # of all pulses that PX4's drivers can be set to
 STRAY = 0.01  # share of an instance's rows that may be damaged
-FIX_3D = 3
 SELECTOR, SELECTED = "estimator_selector_status", "primary_instance"
 TIMER = re.compile(r"PWM_(MAIN|AUX)_TIM\d+")  # protocol of a group of outputs
 DSHOT = range(-8, -1)

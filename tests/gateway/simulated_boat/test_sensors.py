@@ -9,9 +9,10 @@ from pymavlink.dialects.v20.ardupilotmega import MAVLink
 
 from gateway.simulated_boat import FAST, SimulatedBoatSettings
 from gateway.simulated_boat.boat import SimulatedBoat
-from gateway.simulated_boat.hull import GRAVITY, TABLE, SensedValues, SensorModel, TrueState
+from gateway.simulated_boat.hull import TABLE, SensedValues, SensorModel, TrueState
 from gateway.simulated_boat.telemetry import BoatSnapshot, battery_status, sys_status
 from sim.body import Report
+from sim.plants.waves import GRAVITY
 from sim.vessel import Sensors
 from tests.gateway.simulated_boat.frames import frames_of, messages_named, simulated_boat
 from tests.sim.vessels import WAMV
