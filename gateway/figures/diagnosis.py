@@ -28,7 +28,7 @@ from gateway.figures import (
 from gateway.figures.comparison import bars_with_intervals
 from gateway.figures.motion import map_panel, track_line
 from gateway.figures.words import diagnosis_texts
-from sim.diagnosis.answer import Diagnosis, LadderStep, fitted_values
+from sim.diagnosis.answer import Diagnosis, LadderStep, StepBase, fitted_values
 from sim.diagnosis.evidence import Evidence, evidence_of, evidence_of_rivals
 from sim.diagnosis.screening_steps import moment_of
 from sim.effects.effect import Kind, Parameter
@@ -47,7 +47,10 @@ def step_name(step: LadderStep) -> str:
     """What was done in a step of the ladder, in words."""
     if step.effects:
         return f"+ {' + '.join(step.effects[-step.new :])}"
-    return {"plain": "as given", "kept": "base kept"}.get(step.base, "base re-fitted")
+    return {
+        StepBase.PLAIN: "as given", StepBase.KEPT: "base kept",
+        StepBase.REFITTED: "base re-fitted",
+    }[step.base]  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,14 @@ import numpy as np
 
 from gateway.figures import probability_text
 from sim.comparison.compare import Judgement, Standing, judge
-from sim.diagnosis.answer import Diagnosis, LadderStep, Verdict, fitted_values, recordings_of
+from sim.diagnosis.answer import (
+    Diagnosis,
+    LadderStep,
+    StepBase,
+    Verdict,
+    fitted_values,
+    recordings_of,
+)
 from sim.diagnosis.evidence import rivals
 from sim.diagnosis.thresholds import MAX_FLOORS_OF_GIVEN
 from sim.effects.effect import Effect
@@ -100,7 +107,7 @@ def base_text(d: Diagnosis) -> str:
         return f"re-fitted, its numbers had to move{f': {numbers}' if numbers else ''}"
     if d.effects and numbers:
         return f"fitted along with what was found, its numbers moved: {numbers}"
-    if not d.effects and d.ladder[1].base == "refitted":
+    if not d.effects and d.ladder[1].base is StepBase.REFITTED:
         return "its numbers stay as they were given: what a re-fit gains may be noise"
     return "its numbers hold as they were given"
 

@@ -56,7 +56,7 @@ from gateway.user_effects import EffectFile, known_effects
 from gateway.vessel_file import load_vessel
 from sim.comparison import Bin, Regime, bin_of, regimes_of
 from sim.comparison.compare import Comparison
-from sim.diagnosis.answer import LadderStep
+from sim.diagnosis.answer import LadderStep, StepBase
 from sim.diagnosis.evidence import evidence_on, rivals
 from sim.effects.effect import Effect
 from sim.model import Model
@@ -319,7 +319,7 @@ def _ladder_views(
     out = []
     for step in steps:
         file = given
-        if step.base == "refitted":
+        if step.base is StepBase.REFITTED:
             file = given.with_name("step.toml")
             add_from_diagnosis(step.effects, given, diagnosis, "the diagnosis", file, effects)
         text = file.read_text(encoding="utf-8")

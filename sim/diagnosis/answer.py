@@ -129,12 +129,18 @@ class Verdict(StrEnum):
         }[self]
 
 
+class StepBase(StrEnum):
+    """The base numbers of a step of the ladder."""
+
+    PLAIN = "plain"  # as the vessel was given
+    REFITTED = "refitted"
+    KEPT = "kept"  # as given: fitted they predict unseen time no better
+
+
 @dataclass(frozen=True)
 class LadderStep:
     """One step of the ladder: effects, held-out error, numbers with intervals.
 
-    base    "plain" as the vessel was given, "refitted" with its base numbers fitted, "kept" as
-            given because fitted they predict unseen time no better
     vessel  the whole vessel of this step
     new     how many of the effects were not in the step below
     assumed what had to be assumed for its numbers
@@ -142,7 +148,7 @@ class LadderStep:
     """
 
     effects: tuple[str, ...]
-    base: str
+    base: StepBase
     heldout: HeldOutScore
     base_parameters: tuple[Estimate, ...]
     parameters: Mapping[str, tuple[Estimate, ...]]
@@ -157,7 +163,8 @@ class LadderStep:
         (base, found), vessel = fit.estimates(), fit.vessel()
         assumed = assumed_numbers(vessel, found)
         found = with_assumed_intervals(found, assumed)
-        return cls(fit.names, "refitted", scorer.score_fit(fit), base, found, vessel, assumed)
+        error = scorer.score_fit(fit)
+        return cls(fit.names, StepBase.REFITTED, error, base, found, vessel, assumed)
 
     def with_left_out(self, fit: Fit, scorer: HeldOutScorer) -> "LadderStep":
         """The same with the error on recordings that were left out, of the fit that it is of."""
@@ -166,7 +173,8 @@ class LadderStep:
     def to_dict(self) -> dict[str, Any]:
         """For JSON; without an interval, or recordings left out, where there are none."""
         out: dict[str, Any] = {
-            "effects": list(self.effects), "base": self.base, "heldout_nrmse": self.heldout.nrmse,
+            "effects": list(self.effects), "base": str(self.base),
+            "heldout_nrmse": self.heldout.nrmse,
             "base_parameters": {e.name: _number(e) for e in self.base_parameters},
             "parameters": {
                 effect: {e.name.rpartition(".")[2]: _number(e) for e in numbers}
@@ -365,7 +373,7 @@ class Diagnosis:
         """One row per step of the ladder, then per alternative: effects, error, interval."""
         kinds = (("ladder", self.ladder), ("alternative", self.alternatives))
         return data_frame([
-            {"kind": kind, "effects": ", ".join(step.effects), "base": step.base,
+            {"kind": kind, "effects": ", ".join(step.effects), "base": str(step.base),
              "heldout_nrmse": step.heldout.nrmse,
              "low": step.heldout.ci95[0] if step.heldout.ci95 else None,
              "high": step.heldout.ci95[1] if step.heldout.ci95 else None}

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.diagnosis import thresholds
-from sim.diagnosis.answer import Diagnosis, Verdict, candidates_of
+from sim.diagnosis.answer import Diagnosis, StepBase, Verdict, candidates_of
 from sim.diagnosis.feedback import said_of_times, times_of, with_times_one_step
 from sim.diagnosis.findings import Doubts, Findings
 from sim.diagnosis.fit import Fit, fit_effects, unknowns_for
@@ -175,7 +175,7 @@ def _diagnosed(
     diagnosis = Diagnosis(
         verdict=verdict,
         summary="; ".join((said, *filter(None, notes))),
-        base_changed=found.base.base == "refitted" and _base_changed(selection.base),
+        base_changed=found.base.base is StepBase.REFITTED and _base_changed(selection.base),
         effects=found.last.effects,
         ladder=found.ladder,
         ranking=candidates_of(selection.first, found.alone, found.rivals_of_first),

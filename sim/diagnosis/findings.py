@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 from sim.diagnosis import thresholds
-from sim.diagnosis.answer import LadderStep, falling
+from sim.diagnosis.answer import LadderStep, StepBase, falling
 from sim.diagnosis.free_curve import FreeCurve
 from sim.diagnosis.heldout import HeldOutScorer, RankedEffect
 from sim.diagnosis.ladder import EffectSearch, Selection
@@ -150,12 +150,12 @@ def _ladder_of(
     selection: Selection, scorer: HeldOutScorer, plain: Model, trials: Sequence[Trial]
 ) -> tuple[LadderStep, ...]:
     """The vessel as given, its base where that predicts better re-fitted, and what was added."""
-    given = LadderStep((), "plain", scorer.score_model(plain), (), {}, plain.vessel)
+    given = LadderStep((), StepBase.PLAIN, scorer.score_model(plain), (), {}, plain.vessel)
     if len(trials) >= thresholds.MIN_RECORDINGS:
         given = replace(given, left_out=given.heldout)
     fits = (selection.base, *selection.fits)
     refitted, *added = (LadderStep.of(fit, scorer).with_left_out(fit, scorer) for fit in fits)
-    base = refitted if _predicts_better(refitted, given) else replace(given, base="kept")
+    base = refitted if _predicts_better(refitted, given) else replace(given, base=StepBase.KEPT)
     return falling([given, base, *added])
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from sim.comparison.compare import Judgement, judge
 from sim.diagnosis import thresholds
-from sim.diagnosis.answer import LadderStep, Verdict
+from sim.diagnosis.answer import LadderStep, StepBase, Verdict
 from sim.diagnosis.free_curve import FreeCurve
 from sim.diagnosis.generality import doubt_of_numbers
 from sim.diagnosis.heldout import Gain, HeldOutScore, RankedEffect, Ranking
@@ -223,7 +223,7 @@ def summary_of(
     fell = f"{_changed(first, last)} (noise {floor:.3f}){_on_others(ladder)}"
     if verdict is Verdict.ADEQUATE:
         refit = f"{base:.3f} with the base re-fitted"
-        if ladder[1].base == "kept":
+        if ladder[1].base is StepBase.KEPT:
             refit = "no better with the base re-fitted"
         numbers = f"{first:.3f} as given, {refit} (noise {floor:.3f})"
         if drifts:

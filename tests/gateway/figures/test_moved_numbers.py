@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from gateway.figures.words import moved_numbers
-from sim.diagnosis.answer import LadderStep
+from sim.diagnosis.answer import LadderStep, StepBase
 from sim.diagnosis.heldout import HeldOutScore
 from sim.identification.intervals import Estimate
 from tests.sim.voyages import WAM_V
@@ -24,7 +24,7 @@ def moved(half: float = 0.05, **factors: float) -> str:
 
 
 def _step(*numbers: Estimate) -> LadderStep:
-    return LadderStep((), "refitted", HeldOutScore(0.2, None), numbers, {}, WAM_V)
+    return LadderStep((), StepBase.REFITTED, HeldOutScore(0.2, None), numbers, {}, WAM_V)
 
 
 def test_only_what_left_its_interval_is_told_the_furthest_first() -> None:

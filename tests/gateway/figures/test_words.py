@@ -10,7 +10,7 @@ import pytest
 from gateway.figures import ColouredPoints, Line
 from gateway.figures.diagnosis import _map_figure, timeline
 from gateway.figures.words import base_text, cause_text, diagnosis_texts, why_not_texts
-from sim.diagnosis.answer import Verdict
+from sim.diagnosis.answer import StepBase, Verdict
 from sim.diagnosis.next_experiment import Refusal
 from sim.effects import learned_anomaly, learned_drag
 from sim.effects.catalogue import EFFECTS
@@ -96,7 +96,7 @@ def test_of_several_recordings_each_tells_its_own_and_none_speaks_for_another():
 def moved(*effects: str, changed: bool, ends: tuple[float, float], to: float = 70.0) -> str:
     """What is said of a base whose m11 went from 60 to 70 kg on the last step."""
     m11 = SimpleNamespace(name="m11", before=60.0, value=to, ci95=ends, unit="kg")
-    last = SimpleNamespace(base_parameters=[m11], base="kept")
+    last = SimpleNamespace(base_parameters=[m11], base=StepBase.KEPT)
     d: Any = SimpleNamespace(ladder=[last, last], base_changed=changed, effects=effects)
     return base_text(d)
 
@@ -188,7 +188,10 @@ def test_of_a_file_that_is_right_to_two_floors_no_number_is_said_to_be_off():
 
 def test_numbers_that_a_refit_would_gain_by_are_not_said_to_hold():
     answer = diagnosis(Verdict.ADEQUATE)
-    for base, said in (("refitted", "stay as they were given: what a re-fit"), ("kept", "hold")):
+    for base, said in (
+        (StepBase.REFITTED, "stay as they were given: what a re-fit"),
+        (StepBase.KEPT, "hold"),
+    ):
         answer.ladder[1].base = base
         assert said in base_text(answer)
 

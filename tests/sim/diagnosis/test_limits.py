@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim.diagnosis.answer import LadderStep, Verdict
+from sim.diagnosis.answer import LadderStep, StepBase, Verdict
 from sim.diagnosis.heldout import HeldOutScore, Ranking
 from sim.diagnosis.ladder import EffectSearch
 from sim.diagnosis.limits import sameness_of, smallness_of, strain_of
@@ -115,8 +115,8 @@ def test_a_steady_wind_is_no_change() -> None:
 
 def test_the_sentence_says_what_is_beyond_belief() -> None:
     score, name = HeldOutScore(0.4, None), ("payload_change",)
-    ladder = [LadderStep((), "plain", HeldOutScore(0.67, None), (), {}, WAM_V)] * 2
-    last = LadderStep(name, "refitted", score, (), {}, WAM_V)
+    ladder = [LadderStep((), StepBase.PLAIN, HeldOutScore(0.67, None), (), {}, WAM_V)] * 2
+    last = LadderStep(name, StepBase.REFITTED, score, (), {}, WAM_V)
     told = [strain("payload_change", factor=3.0)]
     said = summary_of(Verdict.UNKNOWN, [*ladder, last], [[]], [], 0.45, strained=told)
     assert said.endswith(

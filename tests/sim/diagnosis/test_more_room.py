@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from sim.diagnosis.answer import LadderStep, Verdict
+from sim.diagnosis.answer import LadderStep, StepBase, Verdict
 from sim.diagnosis.diagnose import DiagnoseSettings, _further_off, diagnose
 from sim.diagnosis.heldout import HeldOutScore
 from sim.diagnosis.more_room import is_simpler, numbers_at_limit
@@ -32,7 +32,7 @@ def test_numbers_at_their_limit_are_those_that_went_as_far_as_their_prior_allows
         number("Y_vv", 0.0, -9.0),  # of nothing there is no share
         number("rounding", 1.0, 9.0),  # none of the base
     )
-    step = LadderStep((), "refitted", HeldOutScore(0.2, None), numbers, {}, WAM_V)
+    step = LadderStep((), StepBase.REFITTED, HeldOutScore(0.2, None), numbers, {}, WAM_V)
     assert numbers_at_limit(step, 0.15) == ["m11", "N_r"]
     assert numbers_at_limit(step, 0.1) == ["m11", "X_u", "N_r"]
     assert numbers_at_limit(step, 1.0) == []
@@ -72,7 +72,7 @@ def told(first: Any, *effects: str, known: bool = True, **values: float) -> str:
     numbers = tuple(
         replace(number(name, 10.0, value), identifiable=known) for name, value in values.items()
     )
-    step = LadderStep((), "refitted", HeldOutScore(0.1, None), numbers, {}, WAM_V)
+    step = LadderStep((), StepBase.REFITTED, HeldOutScore(0.1, None), numbers, {}, WAM_V)
     second: Any = SimpleNamespace(ladder=[step], effects=effects)
     return _further_off(first, second, 0.45)
 

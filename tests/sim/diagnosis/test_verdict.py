@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sim.diagnosis import free_curve
-from sim.diagnosis.answer import LadderStep, Verdict, falling
+from sim.diagnosis.answer import LadderStep, StepBase, Verdict, falling
 from sim.diagnosis.free_curve import FreeCurve, find_free_curve
 from sim.diagnosis.heldout import Gain, HeldOutScore
 from sim.diagnosis.verdict import (
@@ -46,7 +46,7 @@ def gained(nats: float, lost: float = 0.0, t: float = 5.0) -> Gain:
 
 
 def step(nrmse: float, *effects: str) -> LadderStep:
-    return LadderStep(effects, "refitted", HeldOutScore(nrmse, None), (), {}, WAM_V)
+    return LadderStep(effects, StepBase.REFITTED, HeldOutScore(nrmse, None), (), {}, WAM_V)
 
 
 LEFT: Any = SimpleNamespace(description="it follows the heading")
@@ -227,7 +227,7 @@ def test_what_only_one_step_ahead_shows_is_told_and_nothing_else() -> None:
 
 
 def test_a_base_that_fitted_predicts_no_better_is_not_told_as_better() -> None:
-    kept = replace(step(0.2), base="kept")
+    kept = replace(step(0.2), base=StepBase.KEPT)
     said = summary_of(Verdict.ADEQUATE, [step(0.2), kept], [], [], 0.19)
     assert "0.200 as given, no better with the base re-fitted" in said
     said = summary_of(Verdict.ADEQUATE, [step(0.2), step(0.1)], [], [], 0.19)
