@@ -67,7 +67,7 @@ FIELDS = {
     GNSS: Struct("<QQBB3d3f3ff7fBB"),
 }
 TRACKING = 2 | 4  # of the INS status: within its performance, with a GNSS fix
-FIX_3D, SATELLITES, DILUTION = 3, 14, 0.9
+FIX, SATELLITES, DILUTION = 3, 14, 0.9
 LAST_DIGIT_C = 0.01  # it moves, since firmware takes numbers that never do for a dead barometer
 TEMPERATURE_C, SEA_LEVEL_KPA, KPA_PER_M = 15.0, 101.325, 0.012
 LONGEST = 256  # of a command; what is longer is noise
@@ -116,7 +116,7 @@ def ins_packet(r: Readings, at: Fix) -> bytes:
 def gnss_packet(r: Readings, at: Fix) -> bytes:
     """Place and velocity as its receiver has them."""
     return packet(
-        GNSS, round(r.time * 1e9), at.gps_ns, SATELLITES, FIX_3D, *at.place, *r.velocity,
+        GNSS, round(r.time * 1e9), at.gps_ns, SATELLITES, FIX, *at.place, *r.velocity,
         0.5, 0.5, 0.8, 0.1, *(DILUTION,) * 7, 0, 0,
     )  # fmt: skip
 

@@ -28,7 +28,7 @@ from gateway.topics import HORIZONS_S
 from sim.model import Model
 from sim.monitoring import SecondMeans
 from sim.monitoring.alarm import WATCHED_HORIZONS_S, Alarm, ModelEvent, event_text
-from sim.monitoring.disturbances import DisturbanceEstimator
+from sim.monitoring.disturbances import AIR, WATER, DisturbanceEstimator
 from sim.monitoring.recursive import SIGMAS_95, NumberEstimates, NumberFollower, with_shares
 from sim.state import Eta, Floats, Ints
 
@@ -143,7 +143,8 @@ DOUBTFUL_S = 4  # seconds before a fault of the data is noticed, see `sensor_che
 MAX_STEP_S = 0.6  # between rows: a longer step leaves part of the second unknown
 FIRST_S = 30  # seconds before anything is published
 SEVERITY = {ModelEvent.WRONG: "warning", ModelEvent.EXPLAINED: "warning", ModelEvent.RIGHT: "info"}
-ERRORS = [3 * HORIZONS_S.index(s) + i for s in WATCHED_HORIZONS_S for i in range(3)]
+# columns of the prediction errors that the monitor reads: of one second, then of those watched
+ERRORS = [3 * HORIZONS_S.index(s) + i for s in (1, *WATCHED_HORIZONS_S) for i in range(3)]
 
 
 class RowsOfPath(NamedTuple):
@@ -184,7 +185,7 @@ class Second(NamedTuple):
 
     @property
     def errors(self) -> Floats:
-        """The prediction errors (H 3,) known at its last row."""
+        """The prediction errors (len(ERRORS),) known at its last row."""
         if not self.parts:
             return np.full(len(ERRORS), np.nan)
         out, _, end = self.parts[-1]
@@ -211,11 +212,11 @@ class Second(NamedTuple):
         mean, (out, _, end) = self._mean(), self.parts[-1]
         motion = mean[:9].copy()
         motion[Eta.YAW] = np.arctan2(mean[10], mean[9])
-        errors = self.errors.reshape(-1, 3)
         new = (self.errors != before).reshape(-1, 3).any(axis=1, keepdims=True)
+        errors = np.where(new, self.errors.reshape(-1, 3), np.nan)
         return SecondMeans(
             self.time, motion, out.std[end - 1, 3:6] ** 2, mean[11:14], np.sqrt(mean[14:17]),
-            mean[17:20], out.commands[end - 1], np.where(new, errors, np.nan), mean[20:],
+            mean[17:20], out.commands[end - 1], errors[1:], mean[20:], errors[0],
         )  # fmt: skip
 
 
@@ -311,9 +312,9 @@ class ModelMonitor(NamedTuple):
         """What a second that ended before row k tells of water and air."""
         estimate = self.alarm.estimate
         water, air = estimate.water, estimate.air
-        told = self.estimator.air.in_world(air.disturbance, air.stated_covariance, means)
+        told = self.estimator.air.in_world(estimate.around(AIR), air.stated_covariance, means)
         values = np.concatenate([
-            water.disturbance, told[:2], std(water.stated_covariance), told[2:4],
+            estimate.around(WATER), told[:2], std(water.stated_covariance), told[2:4],
             [self.alarm.misfit.level], told[4:],
         ])  # fmt: skip
         return Surroundings(k, values, self.alarm.cause.value)

@@ -7,7 +7,7 @@ Here: one second of a live voyage, averaged; the balance linearised about it, an
 The laws of all causes stand in `sim.monitoring.causes`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -43,6 +43,7 @@ class SecondMeans:
     commanded    (3,)  τ(commands)                    commands     (na,) the latest
     errors       (H, 3) u, v, r: latest prediction errors that came due, NaN where none did
     mean_commands (na,)  their mean
+    short_error  (3,)  u, v, r of the prediction over one second that came due, NaN without one
     """
 
     time: float
@@ -54,6 +55,7 @@ class SecondMeans:
     commands: Floats
     errors: Floats
     mean_commands: Floats
+    short_error: Floats = field(default_factory=lambda: np.full(3, np.nan))
 
     @property
     def yaw(self) -> float:

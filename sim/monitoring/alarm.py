@@ -17,12 +17,15 @@ import numpy as np
 
 from sim.comparison import COMPASS
 from sim.monitoring import SecondMeans, WindModel, air_velocity
-from sim.monitoring.consistency import Misfit
+from sim.monitoring.begun_anew import BegunAnew, of_what_is_known
+from sim.monitoring.consistency import MIN_TIMES_FLOOR, Misfit
 from sim.monitoring.disturbances import (
+    MAX_IDLE,
     MIN_SCORE_BETWEEN_NATS,
     Cause,
     DisturbanceEstimate,
     DisturbanceEstimator,
+    KnownCause,
 )
 from sim.monitoring.explanations import ALL_THRUSTERS
 from sim.monitoring.filters import DisturbanceFilter
@@ -38,6 +41,9 @@ MIN_DOUBT_INTERVAL_S = 10.0  # the same after one that left it open
 DOUBTS = (Cause.NOTHING, Cause.EITHER, Cause.SEVERAL, Cause.OTHER)
 MIN_CHANGE = 0.5  # of the disturbance that was reported, and …
 MIN_CHANGE_SIGMAS = 4.0  # … of its present standard deviation: it is reported again
+MIN_ADRIFT_S = 30.0  # of trouble before the motors drive
+MOVED_S = 12.0  # another size must last that long: perhaps another cause begins
+MAX_GAIN_MOVED_NATS = 2.0  # of explanations begun anew, for a change of size to be told
 MIN_TROUBLE_S = 12.0  # since it set in, before any explanation of it
 MIN_SECONDS = 150  # before it is said that nothing explains it
 MAX_SINGLE_GAIN = 0.5  # of its thrust that one motor alone may push more than its file says
@@ -53,7 +59,6 @@ MIN_HEADING_S = 3.0  # for a heading to count as sailed
 
 SPEED_EDGES_MPS = (0.3, 0.8, 1.5, 2.5, 4.0)
 TURN_EDGES_RADPS = (-0.1, 0.1)
-MAX_IDLE = 0.05  # of the command full ahead: less is no thrust to judge by
 THRUST_EDGES = (-0.05, 0.05, 0.5)  # of the thrust full ahead
 HEADINGS = tuple(f"heading {name}" for name in COMPASS)
 SPEEDS = (
@@ -65,6 +70,7 @@ TURNS = ("turning to port", "going straight", "turning to starboard")
 THROTTLES = ("with thrust astern", "without thrust", "at low throttle", "at high throttle")
 REGIMES = (*HEADINGS, *SPEEDS, *TURNS, *THROTTLES)
 FIRST = (0, *accumulate(map(len, (HEADINGS, SPEEDS, TURNS))))  # regime of each kind
+ERRING_VELOCITIES = "; a receiver or a swell whose velocities err for seconds looks so too"
 ERROR_CHANNELS = (
     ("ahead", "m/s", 1.0),
     ("sideways", "m/s", 1.0),
@@ -74,29 +80,44 @@ ERROR_CHANNELS = (
 
 @dataclass(frozen=True)
 class ErrorByRegime:
-    """error, seconds (n,) of each of `REGIMES`; every second is in four of them."""
+    """error, seconds (n,) of each of `REGIMES`; every second is in four of them.
+
+    sailed  (8,) seconds under way on each heading since the trouble began
+    """
 
     error: Floats
     seconds: Floats
+    sailed: Floats
 
     @classmethod
     def start(cls) -> "ErrorByRegime":
         """The state before the first second."""
-        return cls(np.zeros(len(REGIMES)), np.zeros(len(REGIMES)))
+        return cls(np.zeros(len(REGIMES)), np.zeros(len(REGIMES)), np.zeros(len(HEADINGS)))
 
-    def observe(self, second: SecondMeans, z: float, ahead: float) -> "ErrorByRegime":
-        """One more second with that error; `ahead` [N] is the thrust of full throttle."""
+    def observe(
+        self, second: SecondMeans, z: float, ahead: float, drives: bool = True
+    ) -> "ErrorByRegime":
+        """One more second with that error; `ahead` [N] is the thrust of full throttle.
+
+        `drives`: whether a motor does; adrift all headings tell the same of water and air.
+        """
         kept = 1.0 - 1.0 / REGIME_MEMORY_S
         error, seconds = kept * self.error, kept * self.seconds
         here = regimes_at(second, ahead)
         error[here] += z
         seconds[here] += 1.0
-        return ErrorByRegime(error, seconds)
+        sailed = self.sailed.copy()
+        sailed[here[0]] += drives
+        return ErrorByRegime(error, seconds, sailed)
+
+    def reopened(self) -> "ErrorByRegime":
+        """Trouble has begun: headings that were sailed before it tell nothing of it."""
+        return replace(self, sailed=np.zeros(len(HEADINGS)))
 
     @property
     def headings(self) -> int:
-        """How many of the eight headings were sailed."""
-        return int(np.count_nonzero(self.seconds[: len(HEADINGS)] >= MIN_HEADING_S))
+        """How many of the eight headings were sailed since the trouble began."""
+        return int(np.count_nonzero(self.sailed >= MIN_HEADING_S))
 
     @property
     def worst(self) -> str:
@@ -139,11 +160,17 @@ class Alarm:
     """State of the live diagnosis.
 
     explanation  of the last seconds, and since when it has been the same
-    reported     explanation that was reported last, its disturbance (2,), and when one was
+    reported     explanation that was reported last, its disturbance (2,), the estimate it was of,
+                 and when one was
     before       the last seconds, `ONSET_S` and one, oldest first, each with the estimate before it
     adrift       the motors rest, or did when the model was last right: what was wrong of a boat
                  under way is not right again because her motors rest
     resting      the motors rest now
+    calm         the estimate before the trouble
+    anew         explanations begun anew while the trouble lasts: whether what was told still holds
+    turned_at    when explanations begun anew took over [s]
+    moved_since  since when the size of what was told has been another one [s]
+    told_beside  what was told beside the explanation that was reported last
     """
 
     estimate: DisturbanceEstimate
@@ -153,10 +180,16 @@ class Alarm:
     explanation_since: float = -np.inf
     reported: tuple[Cause, bool] = UNTOLD
     reported_disturbance: Floats | None = None
+    reported_by: DisturbanceEstimate | None = None
     reported_at: float = -np.inf
     before: tuple[tuple[DisturbanceEstimate, SecondMeans], ...] = ()
     adrift: bool = False
     resting: bool = False
+    calm: DisturbanceEstimate | None = None
+    anew: tuple[BegunAnew, ...] = ()
+    turned_at: float = -np.inf
+    moved_since: float = np.inf
+    told_beside: tuple[Cause, ...] = ()
 
     @classmethod
     def start(cls, estimator: DisturbanceEstimator) -> "Alarm":
@@ -197,25 +230,61 @@ class Alarm:
         errors = self.errors
         if np.isfinite(misfit.z):
             ahead = sum(t.thrust[1] for t in thrusters)
-            errors = errors.observe(second, misfit.z, ahead)
-        if np.isfinite(misfit.since) and not np.isfinite(self.misfit.since):
-            estimate = _since_onset(estimator, before)
+            errors = errors.observe(second, misfit.z, ahead, drives)
+        calm, anew = self.calm, self._followed_anew(estimator, second, estimate)
+        if not np.isfinite(misfit.since):
+            calm, anew = None, ()
+            if estimate.beside:  # what was told beside another cause is over with it
+                estimate = replace(self.calm or estimate, time=estimate.time, beside=())
+        elif not np.isfinite(self.misfit.since):
+            calm, anew = before[0][0], ()
+            estimate, errors = _since_onset(estimator, before), errors.reopened()
+        elif self.estimate.is_adrift and not estimate.is_adrift and self.was_adrift:
+            begun = estimator.reopened(self.calm or estimate, second.time)
+            estimate, anew = replace(begun, time=second.time, driven=estimate.driven), ()
+            errors = errors.reopened()
+        turned_at, last_s = self.turned_at, second.time - self.turned_at
+        if better := next((one for one in anew if one.is_better(last_s)), None):
+            estimate, anew, errors = better.estimate, (), errors.reopened()
+            turned_at = second.time
         now = replace(
-            self, estimate=estimate, misfit=misfit, errors=errors, before=before,
-            adrift=self.adrift if misfit.wrong else not drives, resting=not drives,
+            self, estimate=estimate, misfit=misfit, errors=errors, before=before, calm=calm,
+            anew=anew, turned_at=turned_at, resting=not drives,
+            adrift=self.adrift if misfit.wrong else not drives,
         )  # fmt: skip
+        moved_since = min(self.moved_since, second.time) if now._has_moved else np.inf
+        now = replace(now, moved_since=moved_since)
         explanation = now.cause, now.cause is Cause.NOTHING and not now.too_early
         if explanation == self.explanation:
             return now
         return replace(now, explanation=explanation, explanation_since=second.time)
 
+    def _followed_anew(
+        self, estimator: DisturbanceEstimator, second: SecondMeans, after: DisturbanceEstimate
+    ) -> tuple[BegunAnew, ...]:
+        """Explanations begun anew, over one more second; the best first.
+
+        They begin where the estimate `after` that second is, with what is known: the cause that was
+        told last, and those beside it.
+        """
+        if not self.misfit.wrong or self.calm is None:
+            return ()
+        if not self.anew or self.anew[0].is_over:
+            told, known = self.reported[0], after.beside
+            if told not in DOUBTS and told not in {one.cause for one in known}:
+                known = (*known, KnownCause(told, self.reported_by or after))
+            return of_what_is_known(estimator, self.calm, after, known)
+        followed = (one.followed(estimator, second, self.estimate, after) for one in self.anew)
+        return tuple(sorted(followed, key=lambda one: -one.gain))
+
     def after_gap(self) -> "Alarm":
         """The estimate jumped or fell silent."""
-        return replace(self, misfit=self.misfit.after_gap(), before=())
+        return replace(self, misfit=self.misfit.after_gap(), before=(), anew=())
 
     def rebooted(self) -> "Alarm":
         """The boat's sensors began anew: what was wrong until then may have been theirs."""
         now = replace(self.after_gap(), misfit=Misfit(), adrift=False, reported_disturbance=None)
+        now = replace(now, calm=None, told_beside=())
         return replace(now, explanation=UNTOLD, explanation_since=-np.inf, reported=UNTOLD)
 
     @cached_property
@@ -226,6 +295,8 @@ class Alarm:
         found = self.estimate.cause_of(self.likely)
         if found is Cause.NOTHING and self._is_held:
             return self.reported[0]
+        if found is Cause.NOTHING and self.estimate.beside:
+            return self.estimate.beside[-1].cause
         # What grows over seconds looks like a wandering force until it has grown.
         return Cause.NOTHING if found is Cause.OTHER and self.too_young else found
 
@@ -267,22 +338,45 @@ class Alarm:
         return self.estimate.time - self.estimate.opened < MIN_TROUBLE_S
 
     @property
+    def was_adrift(self) -> bool:
+        """Whether the motors have rested for most of the trouble: what explains it is judged anew
+        once they drive, for a boat adrift goes with water and air alike.
+        """
+        return self.estimate.time - self.estimate.opened > MIN_ADRIFT_S
+
+    @property
     def _filter(self) -> DisturbanceFilter | None:
         """The filter of the explanation, where there is one."""
         if self.cause in DOUBTS:
             return None
-        return self.estimate.best(self.cause)
+        return self.told_by.best(self.cause)
+
+    @property
+    def told_by(self) -> DisturbanceEstimate:
+        """The estimate that has the size of the cause."""
+        for one in self.estimate.beside:
+            if one.cause is self.cause:
+                return one.estimate
+        return self.estimate
+
+    @property
+    def beside(self) -> tuple[KnownCause, ...]:
+        """What holds beside the cause."""
+        return tuple(one for one in self.estimate.beside if one.cause is not self.cause)
 
     def _with_report(self, time: float) -> "Alarm":
         disturbance = None if self._filter is None else self._filter.disturbance
         return replace(
-            self, reported=self.explanation, reported_disturbance=disturbance, reported_at=time
-        )
+            self, reported=self.explanation, reported_disturbance=disturbance, reported_at=time,
+            reported_by=self.told_by,
+            told_beside=tuple(one.cause for one in self.beside),
+        )  # fmt: skip
 
     def _has_news(self, time: float) -> bool:
         """Whether there is another explanation that has lasted, or the same one has moved."""
         definite = self.reported[0] not in DOUBTS
-        interval = MIN_INTERVAL_S if definite else MIN_DOUBT_INTERVAL_S
+        holds = definite and self.turned_at < self.reported_at
+        interval = MIN_INTERVAL_S if holds else MIN_DOUBT_INTERVAL_S
         if time - self.explanation_since < STEADY_S or time - self.reported_at < interval:
             return False
         if self.explanation == UNTOLD and self.reported[0] is not Cause.NOTHING:
@@ -290,14 +384,20 @@ class Alarm:
         nothing = self.explanation[0] is Cause.NOTHING
         if nothing and definite and self.resting and not self.adrift:
             return False  # a motor that rests shows no fault
-        return self.explanation != self.reported or self._moved()
+        beside = tuple(one.cause for one in self.beside)
+        moved = time - self.moved_since >= MOVED_S
+        return self.explanation != self.reported or beside != self.told_beside or moved
 
-    def _moved(self) -> bool:
+    @property
+    def _has_moved(self) -> bool:
+        """Whether what was told has another size by now, and nothing else may be there instead."""
         now, before = self._filter, self.reported_disturbance
-        if now is None or before is None:
+        if now is None or before is None or self.cause is not self.reported[0]:
             return False
         change, size = now.disturbance - before, float(np.linalg.norm(before))
         far = now.squared_distance(before) > MIN_CHANGE_SIGMAS**2
+        if any(one.gain > MAX_GAIN_MOVED_NATS for one in self.anew):
+            return False
         return far and float(np.linalg.norm(change)) > MIN_CHANGE * size
 
 
@@ -332,18 +432,29 @@ def event_text(event: ModelEvent, alarm: Alarm, air: WindModel, since: str) -> s
 
 def _cause_text(alarm: Alarm, air: WindModel) -> str:
     """What explains it, as far as that can be told."""
-    estimate = alarm.estimate
+    estimate = alarm.told_by
+    known = " and ".join(_kind_text(one.cause, one.estimate, air) for one in alarm.beside)
+    if known:
+        return f"{_cause_alone_text(alarm, estimate, air)}, beside {known}"
+    return _cause_alone_text(alarm, estimate, air)
+
+
+def _cause_alone_text(alarm: Alarm, estimate: DisturbanceEstimate, air: WindModel) -> str:
+    """The same without what holds beside it."""
     current, wind = (_kind_text(kind, estimate, air) for kind in (Cause.CURRENT, Cause.WIND))
     match alarm.cause:
         case Cause.EITHER:
-            return f"looks like current or wind ({current}, or {wind}): other headings tell"
+            tell = "what she does under way tells" if estimate.is_adrift else "other headings tell"
+            return f"looks like current or wind ({current}, or {wind}): {tell}"
         case Cause.SEVERAL:
             several = " or ".join(_kind_text(kind, estimate, air) for kind in alarm.likely)
             return f"looks like {several}: turns, other headings and speeds tell"
         case Cause.NOTHING if alarm.too_early:
             return "too little seen so far to tell what it looks like"
         case Cause.NOTHING:
-            return f"no one cause stands out{_nearest_text(estimate, air)}"
+            nearest = _nearest_text(estimate, air)
+            in_velocity = _worst_channel(alarm.misfit) < len(ERROR_CHANNELS) - 1
+            return f"no one cause stands out{nearest}{ERRING_VELOCITIES if in_velocity else ''}"
         case Cause.OTHER:
             return "none of current, wind, thrusters, compass and drag explains it"
     return f"looks like {_kind_text(alarm.cause, estimate, air)}"
@@ -426,7 +537,8 @@ def wind_text(g: Floats, air: WindModel) -> str:
     """g of the air (2,) -> a wind and where it comes from, or its force on a boat across it."""
     if air.has_areas:
         return f"{np.hypot(*air_velocity(g)):.0f} m/s of wind from {_bearing(-g)}"
-    return f"wind from {_bearing(-g)} that pushes with {air.force_abeam(g):.2g} N abeam"
+    force = float(f"{air.force_abeam(g):.2g}")
+    return f"wind from {_bearing(-g)} that pushes with {force:g} N abeam"
 
 
 def _bearing(north_east: Floats) -> str:
@@ -434,10 +546,17 @@ def _bearing(north_east: Floats) -> str:
     return f"{degrees:03d}°"
 
 
+def _worst_channel(misfit: Misfit) -> int:
+    """Of u, v, r: the one whose error is largest beside its floor."""
+    error, floor = misfit.errors
+    return int(np.argmax(error / np.maximum(floor, 1e-12)))
+
+
 def _error_text(misfit: Misfit) -> str:
     """The worst channel's error beside its floor."""
-    error, floor = misfit.errors
-    k = int(np.argmax(error / np.maximum(floor, 1e-12)))
+    (error, floor), k = misfit.errors, _worst_channel(misfit)
+    if error[k] ** 2 <= MIN_TIMES_FLOOR * floor[k] ** 2:  # it was more when it was called wrong
+        return "of late hardly further off than noise explains"
     name, unit, factor = ERROR_CHANNELS[k]
     return (
         f"after {WATCHED_HORIZONS_S[0]} s off by {error[k] * factor:.2g} {unit} {name}, "

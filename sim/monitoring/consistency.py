@@ -10,6 +10,18 @@ comes of the start state is not put down to the model. Q is what a change of the
 leaves when its moment is known to δ: servo outputs may come twice a second. z of a perfect model is
 about 1 or less, since errors of the estimate are taken as white. Its running mean goes through a
 hysteresis.
+
+Errors after one second that change from second to second are no force that the model lacks, which
+lasts, but the velocity of a chop or the scatter of a receiver. With q the mean of e² after one
+second and d half that of its change, both beyond what is expected,
+
+    min(d, q² / d)
+
+is part of the floor of the longer predictions: of a swing of ω it is the mean of e² after any
+longer time, q = 2 σ² (1 − cos ω), d = q (1 − cos ω). So is a
+share of the same of predictions that follow one another over the shortest horizon that is watched:
+the velocities of a receiver that errs one way for some seconds and then another look so. No more
+than a share, for an error of the model changes too where the boat manoeuvres.
 """
 
 from dataclasses import dataclass, field, replace
@@ -26,8 +38,14 @@ from sim.state import Floats, Ints
 NEGLIGIBLE = 0.3 * MIN_SCALES  # s: m/s, m/s, rad/s
 MEMORY_S = 20.0  # of the running means
 WRONG_ABOVE, RIGHT_BELOW = 3.0, 1.5  # mean of z
+# What errs one way and then another; chosen on the tuning voyages of benchmarks/live_naming.py and
+# on those of another generator. Were all of it to count, half of the alarms of what nobody lists
+# would be lost.
+WANDER_MEMORY_S = 60.0
+WANDER_SHARE = 0.35
 MIN_TIMES_FLOOR = 2.0  # mean square of u, v or r over its floor: "off by 0.05, noise explains 0.05"
 COMMAND_TIMING_S = 0.2  # δ
+TINY = 1e-12
 MAX_Z = 12.0  # a single z counts no more than this
 DOUBLINGS = 3  # of the step from which the transition of a second is made …
 SUBSTEPS = 2**DOUBLINGS  # … so many of them
@@ -39,6 +57,7 @@ MAX_FLOOR_STD = np.array([5.0, 5.0, 3.0])
 # Columns of a past second: variance (3,) of the estimate, Φ (3, 3) row by row, Q (3,)
 TRANSITION, COMMANDS, COLUMNS = 3, 12, 15
 NO_PAST = np.zeros((0, COLUMNS))
+NO_CHOP, UNKNOWN, NO_ERRORS = np.zeros(3), np.full(3, np.nan), np.zeros((0, 3))
 
 
 @dataclass(frozen=True)
@@ -48,21 +67,31 @@ class Misfit:
     level    running mean of z           z      of this second, NaN where nothing came due
     squares  (3,) running sum of e²      floors (3,) of its expected variance, first horizon;
              both over the same weights, so that their roots compare
-    weight   of the two sums
+    short    (3,) running mean of e² after one second, less its expected variance
+    changes  (3,) the same of half the squared change from second to second
+    weight   of the sums
     wrong    after the hysteresis        since  when the level last rose above `RIGHT_BELOW` [s]
     past     (K, 15) the last seconds, oldest first
     commanded  (3,) a second ago, None at the start
+    short_error  (3,) after one second, a second ago
+    wander   (3,) as `chop`, of predictions over the shortest horizon that follow one another
+    latest   (K, 3) errors over that horizon that came due in the last seconds, oldest first
     """
 
     level: float = 0.0
     z: float = np.nan
     squares: Floats = field(default_factory=lambda: np.zeros(3))
     floors: Floats = field(default_factory=lambda: np.zeros(3))
+    short: Floats = field(default_factory=lambda: np.zeros(3))
+    changes: Floats = field(default_factory=lambda: np.zeros(3))
     weight: float = 0.0
     wrong: bool = False
     since: float = np.inf
     past: Floats = field(default_factory=lambda: NO_PAST)
     commanded: Floats | None = None
+    short_error: Floats = field(default_factory=lambda: UNKNOWN)
+    wander: Floats = field(default_factory=lambda: np.zeros(3))
+    latest: Floats = field(default_factory=lambda: NO_ERRORS)
 
     def observe(
         self, second: SecondMeans, balance: Balance, horizons: tuple[int, ...], clears: bool = True
@@ -76,10 +105,17 @@ class Misfit:
         past = np.empty((min(len(self.past), max(horizons)) + 1, COLUMNS))
         past[:-1] = self.past[-max(horizons) :]
         write_second(second.variance, balance.system_matrix, change, past[-1])
+        seen = self._with_short(second, past)
+        latest = np.concatenate([self.latest, second.errors[:1]])[-horizons[0] - 1 :]
+        wander = seen._wander_after(second, past, latest, horizons[0])
+        beside = seen.chop + WANDER_SHARE * np.maximum(wander, 0.0)
         due = np.empty((len(horizons), 3))
-        z, first = judge(past, second.variance, np.array(horizons), second.errors, due)
+        z, first = judge(past, second.variance, beside, np.array(horizons), second.errors, due)
+        seen = replace(
+            seen, z=np.nan, wander=wander, latest=latest, past=past, commanded=second.commanded
+        )
         if first < 0:
-            return replace(self, z=np.nan, past=past, commanded=second.commanded)
+            return seen
         error, floor = second.errors[first], due[first]
         level = self.level + (min(z, MAX_Z) - self.level) / MEMORY_S
         level = level if clears else max(level, self.level)
@@ -87,11 +123,39 @@ class Misfit:
         squares = self.squares + (error**2 - self.squares) / MEMORY_S
         floors = self.floors + (floor - self.floors) / MEMORY_S
         shows = bool((squares > MIN_TIMES_FLOOR * floors).any())
-        return Misfit(
-            level, z, squares, floors, self.weight + (1.0 - self.weight) / MEMORY_S,
-            level > RIGHT_BELOW if self.wrong else level > WRONG_ABOVE and shows,
-            since, past, second.commanded,
+        return replace(
+            seen, level=level, z=z, squares=squares, floors=floors, since=since,
+            weight=self.weight + (1.0 - self.weight) / MEMORY_S,
+            wrong=level > RIGHT_BELOW if self.wrong else level > WRONG_ABOVE and shows,
         )  # fmt: skip
+
+    def _with_short(self, second: SecondMeans, past: Floats) -> "Misfit":
+        """One more error after one second, and its change where one came due a second ago too."""
+        now = replace(self, short_error=second.short_error)
+        change, expected = second.short_error - self.short_error, np.empty(3)
+        judges = write_floor(past, second.variance, 1, NO_CHOP, expected)
+        if not (judges and np.isfinite(change).all()):
+            return now
+        short = self.short + (second.short_error**2 - expected - self.short) / MEMORY_S
+        changes = self.changes + (0.5 * change**2 - expected - self.changes) / MEMORY_S
+        return replace(now, short=short, changes=changes)
+
+    @property
+    def chop(self) -> Floats:
+        """Variance (3,) of predictions that is due to velocities which swing within seconds."""
+        short, changes = np.maximum(self.short, 0.0), np.maximum(self.changes, 0.0)
+        return np.asarray(np.minimum(changes, short**2 / np.maximum(changes, TINY)))
+
+    def _wander_after(
+        self, second: SecondMeans, past: Floats, latest: Floats, horizon: int
+    ) -> Floats:
+        """`wander` after one more second; latest (K, 3): the errors due until then."""
+        change, expected = latest[-1] - latest[0], np.empty(3)
+        whole = len(latest) > horizon and np.isfinite(change).all()
+        if not (whole and write_floor(past, second.variance, horizon, NO_CHOP, expected)):
+            return self.wander
+        beyond = 0.5 * change**2 - expected - self.chop
+        return np.asarray(self.wander + (beyond - self.wander) / WANDER_MEMORY_S)
 
     @property
     def errors(self) -> Floats:
@@ -101,7 +165,9 @@ class Misfit:
 
     def after_gap(self) -> "Misfit":
         """The estimate jumped or fell silent: predictions under way are dropped."""
-        return replace(self, z=np.nan, past=NO_PAST, commanded=None)
+        return replace(
+            self, z=np.nan, past=NO_PAST, commanded=None, short_error=UNKNOWN, latest=NO_ERRORS
+        )
 
 
 @compiled
@@ -117,17 +183,18 @@ def write_second(variance: Floats, A: Floats, change: Floats, out: Floats) -> No
 
 @compiled
 def judge(
-    past: Floats, variance: Floats, horizons: Ints, errors: Floats, floors: Floats
+    past: Floats, variance: Floats, beside: Floats, horizons: Ints, errors: Floats, floors: Floats
 ) -> tuple[float, int]:
     """Errors (H, 3) of the predictions over `horizons` (H,) that end now, beside what they may be.
 
-    past (K, 15), the newest second last; variance (3,) of the estimate -> mean of z, NaN where none
-    counts, and the first horizon that does, else −1. floors (H, 3): the expected variances, NaN
-    where a prediction began too early, or judges nothing.
+    past (K, 15), the newest second last; variance (3,) of the estimate, beside (3,) of what comes
+    and goes within seconds -> mean of z, NaN where none counts, and the first horizon that does,
+    else −1. floors (H, 3): the expected variances, NaN where a prediction began too early, or
+    judges nothing.
     """
     total, count, first = 0.0, 0, -1
     for h in range(len(horizons)):
-        counts = write_floor(past, variance, horizons[h], floors[h])
+        counts = write_floor(past, variance, horizons[h], beside, floors[h])
         z = 0.0
         for i in range(3):
             z += errors[h, i] ** 2 / floors[h, i] / 3.0
@@ -137,7 +204,7 @@ def judge(
 
 
 @compiled
-def write_floor(past: Floats, variance: Floats, seconds: int, out: Floats) -> bool:
+def write_floor(past: Floats, variance: Floats, seconds: int, beside: Floats, out: Floats) -> bool:
     """Expected variance (3,) of the error over that horizon -> whether the prediction judges."""
     out[0] = out[1] = out[2] = np.nan
     if len(past) <= seconds:
@@ -151,7 +218,7 @@ def write_floor(past: Floats, variance: Floats, seconds: int, out: Floats) -> bo
         phi = product(phi, one[TRANSITION:COMMANDS].reshape(3, 3))
     before, judges = past[len(past) - 1 - seconds], True
     for i in range(3):
-        out[i] = variance[i] + commands[i] + NEGLIGIBLE[i] ** 2
+        out[i] = variance[i] + commands[i] + beside[i] + NEGLIGIBLE[i] ** 2
         for j in range(3):
             out[i] += phi[i, j] ** 2 * before[j]
         judges = judges and out[i] < MAX_FLOOR_STD[i] ** 2  # false of NaN

@@ -28,24 +28,36 @@ Source: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking an
 Navigation, 2001, §5.4 and §11.6 (multiple models); Joseph's form of the covariance.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.model import Model
-from sim.monitoring import Balance, SecondMeans, WindModel, balances_at, thrust_ahead
+from sim.monitoring import (
+    NO_CURRENT,
+    Balance,
+    SecondMeans,
+    WindModel,
+    balances_at,
+    current_shift,
+    thrust_ahead,
+)
 from sim.monitoring.causes import BOAT_ERRORS, Hull, Law
 from sim.monitoring.explanations import ALL_THRUSTERS, Explanations, explanations, hull_of
 from sim.monitoring.filters import (
+    ALIKE_S,
     NOISE_START,
     DisturbanceFilter,
     MeasurementModel,
     advance_filters,
     linearised,
 )
-from sim.state import Floats, Ints
+from sim.state import Eta, Floats, Ints, to_world
+from sim.vessel import Thruster
 
 # Chosen on the tuning voyages of benchmarks/live_naming.py; what they give on others:
 # benchmarks/results/live_naming.md, and for the estimates live_diagnosis.md.
@@ -57,6 +69,9 @@ ALL_THRUSTERS_NATS = 12.0  # by which all thrusters at once have to do better th
 MIN_CALM_SECONDS = 60  # before trouble, for the boat's own errors to be known
 MIN_NOISE = 0.01  # of the priors of b as forces: no estimate is perfect
 MAX_SILENCE_S = 600.0  # a longer silence counts as this long
+MAX_IDLE = 0.05  # of the command full ahead: less is no thrust to judge by
+ABOARD = (Law.THRUST, Law.COMPASS, Law.DRAG)  # they show while a motor drives …
+MIN_DRIVEN_S = 10  # … for so long
 MIN_SHARE = 0.1  # of a thrust: of the difference that says what the thruster adds
 
 # standard deviations of b: share of the thrust full ahead; shares; rad
@@ -87,9 +102,11 @@ CAUSE_OF = {
 class DisturbanceEstimate:
     """The explanations after `count` seconds; noise (3,): variance of e over the stated.
 
-    means (F, N), covariances (F, N, N), innovations (F, 3), scores (F,) of all filters: the boat's
-    own errors alone, then current, wind and the causes aboard
+    means (F, N), covariances (F, N, N), innovations (F, L, 3) the newest first, scores (F,) of all
+    filters: the boat's own errors alone, then current, wind and the causes aboard
     opened   when trouble began, and all explanations with it [s]; −inf: from the beginning
+    driven   seconds since then in which a motor drove
+    beside   causes that are taken as known: the explanations are of what is left beside them
     """
 
     all: Explanations
@@ -101,13 +118,15 @@ class DisturbanceEstimate:
     time: float = -np.inf
     count: int = 0
     opened: float = -np.inf
+    driven: int = 0
+    beside: tuple["KnownCause", ...] = ()
 
     def filter(self, f: int) -> DisturbanceFilter:
         """One of them, with views into the tables."""
         n = int(self.all.which[f, 2])
         return DisturbanceFilter(
             self.all.prior[f, :n], self.means[f, :n], self.covariances[f, :n, :n],
-            self.innovations[f], self.all.walk_s[f, :n], float(self.scores[f]),
+            self.innovations[f, 0], self.all.walk_s[f, :n], float(self.scores[f]),
         )  # fmt: skip
 
     @property
@@ -124,6 +143,11 @@ class DisturbanceEstimate:
     def air(self) -> DisturbanceFilter:
         """A wind."""
         return self.filter(AIR)
+
+    def around(self, f: int) -> Floats:
+        """North, east (2,) of the current (WATER) or the wind (AIR), with what is known of it."""
+        known = [one.size for one in self.beside if one.law is self.all.laws[f]]
+        return np.asarray(self.filter(f).disturbance + sum(known))
 
     @property
     def finite(self) -> bool:
@@ -146,7 +170,21 @@ class DisturbanceEstimate:
         pairs = zip(self.all.laws, self.all.names, strict=True)
         whole = [law is Law.THRUST and name == ALL_THRUSTERS for law, name in pairs]
         drives = [law is Law.DRAG for law in self.all.laws] & (self.means[:, BOAT_ERRORS] < -1.0)
-        return np.where(drives, np.inf, ALL_THRUSTERS_NATS * np.array(whole))
+        unseen = drives | self._is_known
+        if self.is_adrift:
+            unseen |= [law in ABOARD for law in self.all.laws]
+        return np.where(unseen, np.inf, ALL_THRUSTERS_NATS * np.array(whole))
+
+    @property
+    def _is_known(self) -> NDArray[np.bool_]:
+        """Which explanations (F,) are among the causes that are known, or are one with them."""
+        known = {(one.law, one.name) for one in self.beside}
+        thrust = any(law is Law.THRUST for law, _ in known)
+        pairs = zip(self.all.laws, self.all.names, strict=True)
+        return np.array([
+            (law, name) in known or (thrust and law is Law.THRUST and name == ALL_THRUSTERS)
+            for law, name in pairs
+        ])  # fmt: skip
 
     def best(self, cause: Cause) -> DisturbanceFilter:
         """The filter of that cause which predicts best."""
@@ -173,12 +211,22 @@ class DisturbanceEstimate:
         return self.cause_of(self.likely)
 
     def likely_on(self, few_headings: bool) -> tuple[Cause, ...]:
-        """`likely`; on few headings water goes with air, unless one of them does far better."""
+        """`likely`; on few headings water goes with air, unless one of them does far better.
+
+        So it does while the motors rest: a boat adrift goes with both.
+        """
         likely, pair = self.likely, (Cause.CURRENT, Cause.WIND)
         apart = abs(float(self.scores[WATER] - self.scores[AIR])) >= MIN_SCORE_APART_NATS
-        if not few_headings or apart or set(pair).isdisjoint(likely):
+        told = apart if few_headings else True
+        if (told and not self.is_adrift) or set(pair).isdisjoint(likely):
             return likely
-        return tuple(dict.fromkeys([*likely, *pair]))
+        known = {one.cause for one in self.beside}
+        return tuple(dict.fromkeys([*likely, *(kind for kind in pair if kind not in known)]))
+
+    @property
+    def is_adrift(self) -> bool:
+        """Whether hardly a motor has driven since the trouble began."""
+        return bool(np.isfinite(self.opened)) and self.driven < MIN_DRIVEN_S
 
     def cause_of(self, likely: tuple[Cause, ...]) -> Cause:
         """One word for the likely causes.
@@ -189,14 +237,39 @@ class DisturbanceEstimate:
         """
         if not likely or likely == (Cause.OTHER,):
             return likely[0] if likely else Cause.NOTHING
+        if not any(kind is not Cause.OTHER and self.best(kind).significant for kind in likely):
+            return Cause.NOTHING
         if set(likely) == {Cause.CURRENT, Cause.WIND}:
             return Cause.EITHER
-        clear = any(kind is not Cause.OTHER and self.best(kind).significant for kind in likely)
-        if len(likely) > 1:
-            return Cause.SEVERAL if clear else Cause.NOTHING
-        if clear:
-            return likely[0]
-        return Cause.EITHER if likely[0] in (Cause.CURRENT, Cause.WIND) else Cause.NOTHING
+        return Cause.SEVERAL if len(likely) > 1 else likely[0]
+
+
+@dataclass(frozen=True)
+class KnownCause:
+    """A cause whose size is taken from an estimate, to look at what is left beside it."""
+
+    cause: Cause
+    estimate: DisturbanceEstimate
+
+    @cached_property
+    def number(self) -> int:
+        """Of the explanation of that cause which predicts best."""
+        return next(f for _, kind, f in self.estimate.named if kind is self.cause)
+
+    @property
+    def law(self) -> Law:
+        """How it acts."""
+        return self.estimate.all.laws[self.number]
+
+    @property
+    def name(self) -> str:
+        """Of the thruster."""
+        return self.estimate.all.names[self.number]
+
+    @property
+    def size(self) -> Floats:
+        """o (n,)."""
+        return self.estimate.filter(self.number).disturbance
 
 
 BOAT, WATER, AIR = 0, 1, 2  # the first filters
@@ -230,6 +303,11 @@ class DisturbanceEstimator:
         each = Explanations.of(prior, list(explanations(vessel, thrust, air.prior)))
         return cls(model, air, prior, each, hull_of(vessel, air))
 
+    @property
+    def thrusters(self) -> tuple[Thruster, ...]:
+        """Of the vessel."""
+        return tuple(self.model.vessel.thrusters)
+
     @cached_property
     def compass(self) -> int:
         """Number of the explanation by the compass."""
@@ -241,15 +319,17 @@ class DisturbanceEstimator:
         covariances = np.stack([np.diag(one**2) for one in prior])
         count = len(prior)
         return DisturbanceEstimate(
-            self.all, np.zeros_like(prior), covariances, np.zeros((count, 3)), np.zeros(count),
-            np.full(3, NOISE_START),
+            self.all, np.zeros_like(prior), covariances, np.zeros((count, ALIKE_S, 3)),
+            np.zeros(count), np.full(3, NOISE_START),
         )  # fmt: skip
 
-    def reopened(self, estimate: DisturbanceEstimate, time: float) -> DisturbanceEstimate:
+    def reopened(
+        self, estimate: DisturbanceEstimate, time: float, beside: tuple[KnownCause, ...] = ()
+    ) -> DisturbanceEstimate:
         """Trouble has begun: what explains it is judged by what comes from now on.
 
         The boat's own errors are as they were before it, if there was time to learn anything; the
-        disturbances are as unknown as at first.
+        disturbances are as unknown as at first. `beside`: causes that are taken as known.
         """
         fresh, b = self.start(), slice(BOAT_ERRORS)
         before = estimate if estimate.count >= MIN_CALM_SECONDS else fresh
@@ -257,13 +337,15 @@ class DisturbanceEstimator:
         fresh.covariances[:, b, b] = before.covariances[BOAT, b, b]
         return replace(
             estimate, means=fresh.means, covariances=fresh.covariances, scores=fresh.scores,
-            opened=time,
+            opened=time, driven=0, beside=beside,
         )  # fmt: skip
 
     def observe(
         self, estimate: DisturbanceEstimate, second: SecondMeans
     ) -> tuple[DisturbanceEstimate, Balance]:
         """One more second -> the estimate after it, and the balance there."""
+        drives = bool((np.abs(second.mean_commands[: len(self.thrusters)]) > MAX_IDLE).any())
+        second = self.without(second, estimate.beside)
         F = self._balances(estimate, second)
         silence = max(second.time - estimate.time, 0.0)
         dt = min(silence, MAX_SILENCE_S) if estimate.count else 0.0
@@ -278,9 +360,33 @@ class DisturbanceEstimator:
         )  # fmt: skip
         after = DisturbanceEstimate(
             self.all, means, covariances, innovations, scores, noise, second.time,
-            estimate.count + 1, estimate.opened,
+            estimate.count + 1, estimate.opened, estimate.driven + drives, estimate.beside,
         )  # fmt: skip
         return after, Balance.of(F)
+
+    def without(self, second: SecondMeans, known: Iterable[KnownCause]) -> SecondMeans:
+        """A second as it would be without causes that are known: in water that moves, through the
+        water; of a compass that is off, as the boat lay.
+        """
+        for one in known:
+            motion, o = second.motion.copy(), one.size
+            current = o if one.law is Law.CURRENT else NO_CURRENT
+            off = float(o[0]) if one.law is Law.COMPASS else 0.0
+            thrust = np.zeros(len(self.thrust_numbers))
+            which = self.all.which[one.number]
+            if one.law is Law.THRUST:
+                thrust[int(which[1])] = o[0]
+            balances = balances_at(self.model, second, current, off)
+            F = np.concatenate([balances, self.thrusts(second, thrust)])
+            force = self.linearised(which, o, second, F).force
+            if one.law is Law.CURRENT:
+                motion[3:] -= current_shift(current, second)
+            elif one.law is Law.COMPASS:
+                for i in (3, 6):  # velocity, acceleration
+                    motion[i], motion[i + 1] = to_world(motion[i], motion[i + 1], off)
+                motion[Eta.YAW] -= off
+            second = replace(second, motion=motion, missing=second.missing - force)
+        return second
 
     def _balances(self, estimate: DisturbanceEstimate, second: SecondMeans) -> Floats:
         """Balances (10 + T, 3), T of each thruster and of all, that the laws take, where the

@@ -8,11 +8,13 @@ Each is an extended Kalman filter of x = (b, o), o the disturbance (c, g, … or
 The score is how well each second was predicted. Consecutive seconds are more alike than R says:
 three count as two. R follows what the best explanation leaves, in its own units z = m / √S:
 
-    r = z_k² + 2 z_k z_k−1,     R ← R (1 + (r − 1) / (k + k₀)),     k + k₀ at most a minute
+    r = z_k² + 2 Σ_i (1 − i/L) z_k z_k−i,   i = 1 … L − 1,     R ← R (1 + (r − 1) / (k + k₀)),
+    k + k₀ at most a minute
 
 r is not the variance of a second but that of the mean of many, per second: what is alike from one
-second to the next counts as noise too, and white noise is used to the full. Source of r: Newey and
-West, Econometrica 55 (1987), with one lag.
+second to the next ones counts as noise too, as the velocities of a receiver that errs one way for
+some seconds. Of one second r is never taken as less than nothing, so that white noise counts 1.8
+times. Source of r: Newey and West, Econometrica 55 (1987), with the weights of Bartlett.
 """
 
 from dataclasses import dataclass
@@ -42,7 +44,8 @@ NOISE_START = 0.2
 NOISE_START_SECONDS = 5.0  # k₀: what is taken at the start counts as much as so many seconds
 NOISE_LIMITS = (0.02, 10.0)
 MAX_NOISE_RATIO = 9.0  # of one second: a larger one counts no more
-# The same of one second beside which the seconds before it are not known
+ALIKE_S = 12  # L: innovations so many seconds apart are taken as independent
+# The same where the seconds before it are not looked at (`white_noise_after`)
 MAX_NOISE_STEP = 0.1  # share of a change that one second makes
 MIN_WHITE_NOISE = 0.1
 NONE = np.zeros(0)
@@ -161,7 +164,6 @@ def advance_filters(
     """
     which, prior, walk_s = every
     means, covariances, innovations, scores = filters
-    before = innovations.copy()
     missing, variance = measured
     numbers, length = Hull(*hull), means.shape[1]
     H, force, innovation = np.zeros((3, length)), np.zeros(3), np.zeros(3)
@@ -176,15 +178,18 @@ def advance_filters(
                 innovation[a] -= H[a, i] * mean[i]
         for i in range(n):
             walk[i] = prior[f, i] ** 2 * dt / walk_s[f, i]
+        for k in range(len(innovations[f]) - 1, 0, -1):
+            for a in range(3):
+                innovations[f, k, a] = innovations[f, k - 1, a]
         distance = kalman_step(
-            (mean, covariances[f]), walk, (innovation, variance, H), held, innovations[f], n
+            (mean, covariances[f]), walk, (innovation, variance, H), held, innovations[f, 0], n
         )
         scores[f] = score_after(scores[f], distance, dt)
     best = 0
     for f in range(1, len(which)):
         if scores[f] > scores[best]:
             best = f
-    change_noise(noise, innovations[best], before[best], noise_step(dt, count))
+    change_noise(noise, innovations[best], noise_step(dt, count))
 
 
 @compiled
@@ -195,12 +200,17 @@ def noise_step(dt: float, count: int) -> float:
 
 
 @compiled
-def change_noise(noise: Floats, innovation: Floats, before: Floats, step: float) -> None:
-    """Variance of e over the stated one (3,), in place, after normalised innovations (3,)."""
+def change_noise(noise: Floats, innovations: Floats, step: float) -> None:
+    """Variance of e over the stated one (3,), in place, after normalised innovations (L, 3), the
+    newest first.
+    """
+    lags = len(innovations)
     for a in range(3):
-        now, low, high = innovation[a], NOISE_LIMITS[0], NOISE_LIMITS[1]
-        alike = min(2.0 * now * before[a], MAX_NOISE_RATIO)
-        ratio = max(min(now**2, MAX_NOISE_RATIO) + alike, 0.0)
+        now, low, high = innovations[0, a], NOISE_LIMITS[0], NOISE_LIMITS[1]
+        alike = 0.0
+        for i in range(1, lags):
+            alike += 2.0 * (1.0 - i / lags) * now * innovations[i, a]
+        ratio = max(min(now**2, MAX_NOISE_RATIO) + min(alike, MAX_NOISE_RATIO), 0.0)
         noise[a] = min(max(noise[a] * (1.0 + (ratio - 1.0) * step), low), high)
 
 

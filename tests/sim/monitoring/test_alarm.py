@@ -13,6 +13,7 @@ from sim.model import Model
 from sim.monitoring import SecondMeans, WindModel
 from sim.monitoring.alarm import (
     DOUBTS,
+    ERRING_VELOCITIES,
     MIN_DOUBT_INTERVAL_S,
     MIN_INTERVAL_S,
     MIN_SECONDS,
@@ -24,6 +25,7 @@ from sim.monitoring.alarm import (
     current_text,
     event_text,
     regimes_at,
+    wind_text,
 )
 from sim.monitoring.causes import BOAT_ERRORS, Law
 from sim.monitoring.consistency import WRONG_ABOVE, Misfit
@@ -152,7 +154,7 @@ def test_explanations_are_told_a_minute_apart_and_sooner_only_after_a_doubt(
     turned = off_by(seconds(300, stream=-STREAM, first=300), 0.25, rng)
     _, told = watched(estimator, [*flow, *turned])
     said = [(time, alarm.cause) for news, time, alarm, _ in told if news is ModelEvent.EXPLAINED]
-    assert len(said) >= 3
+    assert len(said) >= 2
     for (before, cause), (after, _) in pairwise(said):
         assert after - before >= (MIN_DOUBT_INTERVAL_S if cause in DOUBTS else MIN_INTERVAL_S)
 
@@ -184,7 +186,7 @@ def test_no_cause_is_named_in_the_first_seconds_of_trouble_nor_without_any(
     sure = alarm.estimate.scores.copy()
     sure[estimator.all.laws.index(Law.DRAG)] = 50.0
     means = alarm.estimate.means + 10.0 * estimator.all.prior
-    estimate = replace(alarm.estimate, scores=sure, means=means, time=time, opened=100.0)
+    estimate = replace(alarm.estimate, scores=sure, means=means, time=time, opened=100.0, driven=10)
     assert replace(alarm, estimate=estimate, misfit=Misfit(since=since)).cause is cause
 
 
@@ -193,8 +195,11 @@ def in_trouble(estimator: DisturbanceEstimator, headings: int, **nats: float) ->
     alarm, count = Alarm.start(estimator), len(ErrorByRegime.start().seconds)
     scores = np.array([nats.get(law.name.lower(), 0.0) for law in estimator.all.laws])
     means = alarm.estimate.means + 10.0 * estimator.all.prior
-    estimate = replace(alarm.estimate, scores=scores, means=means, time=160.0, opened=100.0)
-    errors = ErrorByRegime(np.zeros(count), np.where(np.arange(count) < headings, 10.0, 0.0))
+    estimate = replace(
+        alarm.estimate, scores=scores, means=means, time=160.0, opened=100.0, driven=60
+    )
+    none, sailed = np.zeros(count), np.where(np.arange(8) < headings, 10.0, 0.0)
+    errors = ErrorByRegime(none, none, sailed)
     return replace(alarm, estimate=estimate, misfit=Misfit(since=101.0), errors=errors)
 
 
@@ -241,7 +246,7 @@ def test_a_wandering_force_is_none_of_the_causes_only_after_minutes(
     [
         (MIN_SECONDS - 1, 3, "too little seen so far to tell what it looks like"),
         (MIN_SECONDS, 2, "too little seen so far to tell what it looks like"),
-        (MIN_SECONDS, 3, "no one cause stands out"),
+        (MIN_SECONDS, 3, f"no one cause stands out{ERRING_VELOCITIES}"),
     ],
 )
 def test_a_compass_that_is_hardly_off_is_not_blamed(
@@ -271,9 +276,10 @@ def test_what_comes_nearest_is_told_where_nothing_stands_out(
         assert alarm.cause is Cause.NOTHING
         return event_text(ModelEvent.EXPLAINED, alarm, estimator.air, "now")
 
-    assert said(drag=5.0).endswith("no one cause stands out, nearest comes 800 % more drag ahead")
-    assert said(drag=1.9).endswith("no one cause stands out")
-    assert said(anything=9.0).endswith("no one cause stands out")
+    nearest = "no one cause stands out, nearest comes 800 % more drag ahead"
+    assert said(drag=5.0).endswith(nearest + ERRING_VELOCITIES)
+    assert said(drag=1.9).endswith("no one cause stands out" + ERRING_VELOCITIES)
+    assert said(anything=9.0).endswith("no one cause stands out" + ERRING_VELOCITIES)
 
 
 @pytest.mark.parametrize(
@@ -509,3 +515,61 @@ def test_a_model_that_cannot_be_solved_is_a_gap(estimator: DisturbanceEstimator)
     alarm, event = Alarm.start(still).observe(still, next(iter(seconds(1))))
     assert event is None
     assert alarm.estimate.count == 0
+
+
+def test_what_has_become_small_is_not_held_against_a_larger_noise(
+    estimator: DisturbanceEstimator,
+) -> None:
+    """ "off by 0.29 m/s ahead, noise explains 0.46: looks like …" was told."""
+    alarm = in_trouble(estimator, 3, drag=30.0)
+
+    def said(size: float) -> str:
+        squares = np.array([size**2, 0.0, 0.0])
+        misfit = Misfit(since=101.0, squares=squares, floors=np.full(3, 0.01), weight=1.0)
+        return event_text(ModelEvent.EXPLAINED, replace(alarm, misfit=misfit), estimator.air, "now")
+
+    assert "(after 5 s off by 0.15 m/s ahead, noise explains 0.1)" in said(0.15)
+    assert "(of late hardly further off than noise explains)" in said(0.14)
+    assert "noise explains 0" not in said(0.05)
+
+
+@pytest.mark.parametrize(
+    ("channel", "says"), [(0, True), (1, True), (2, False)], ids=["ahead", "sideways", "turning"]
+)
+def test_a_receiver_is_suspected_where_velocities_are_off_and_nothing_explains_it(
+    estimator: DisturbanceEstimator, channel: int, says: bool
+) -> None:
+    alarm = in_trouble(estimator, 3)
+    estimate = replace(alarm.estimate, count=500, time=alarm.estimate.opened + MIN_SECONDS)
+    squares = np.zeros(3)
+    squares[channel] = 1.0
+    misfit = Misfit(since=101.0, squares=squares, floors=np.full(3, 0.01), weight=1.0)
+    alarm = replace(alarm, estimate=estimate, misfit=misfit)
+    text = event_text(ModelEvent.EXPLAINED, alarm, estimator.air, "now")
+    assert "no one cause stands out" in text
+    assert text.endswith(ERRING_VELOCITIES) is says
+
+
+def test_a_force_of_hundreds_of_newtons_is_told_in_figures() -> None:
+    """ "wind from 150° that pushes with 1.5e+02 N abeam" was told."""
+    air = WindModel(2.0, 3.0, 5.0, 144.0, given=False)
+    assert wind_text(np.array([80.0, 0.0]), air) == "wind from 180° that pushes with 120 N abeam"
+
+
+def test_headings_adrift_and_before_the_trouble_tell_no_water_from_air(
+    estimator: DisturbanceEstimator,
+) -> None:
+    """Of a boat adrift in a wind, after a mission on all headings, a current was told alone."""
+    errors = ErrorByRegime.start()
+    for second in seconds(100):
+        errors = errors.observe(second, 1.0, 100.0)
+    assert errors.headings == 5
+    anew = errors.reopened()
+    assert anew.headings == 0
+    np.testing.assert_array_equal(anew.seconds, errors.seconds)
+    for second in seconds(100):
+        anew = anew.observe(second, 1.0, 100.0, drives=False)
+    assert anew.headings == 0
+    for second in seconds(40):
+        anew = anew.observe(second, 1.0, 100.0)
+    assert anew.headings == 2

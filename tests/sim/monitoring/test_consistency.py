@@ -106,3 +106,61 @@ def test_a_transition_is_that_of_the_linear_model() -> None:
     for _ in range(round(1.0 / h)):
         x = x + h * A @ x
     assert transition(A) @ np.array([1.0, -2.0, 0.5]) == pytest.approx(x, abs=0.02)
+
+
+def after(errors: np.ndarray, short: np.ndarray | None = None) -> Misfit:
+    """Errors ahead (K,) after five and ten seconds and after one, of so many quiet seconds."""
+    second, misfit = next(iter(seconds(1))), Misfit()
+    short = np.zeros(len(errors)) if short is None else short
+    for k, (error, one) in enumerate(zip(errors, short, strict=True)):
+        due = np.tile([error, 0.0, 0.0], (2, 1))
+        now = replace(second, time=float(k), errors=due, short_error=np.array([one, 0.0, 0.0]))
+        misfit = misfit.observe(now, SLOW, (5, 10))
+    return misfit
+
+
+@pytest.mark.parametrize("period", [2.3, 3.0, 4.0])
+def test_a_chop_is_no_wrong_model_and_a_force_in_it_is(period: float) -> None:
+    """Waves of 0.14 m/s called exact boats wrong; a force makes an error that lasts."""
+    t = np.arange(120.0)
+
+    def errors(seconds: float) -> np.ndarray:
+        chop = np.sin(2.0 * np.pi * t / period) - np.sin(2.0 * np.pi * (t - seconds) / period)
+        return 0.14 * chop
+
+    swings = after(errors(5.0), errors(1.0))
+    assert not swings.wrong
+    assert swings.chop[0] == pytest.approx(0.14**2, rel=0.2)
+    assert after(errors(5.0) + 0.6, errors(1.0) + 0.15).wrong
+
+
+def test_what_lasts_over_a_second_takes_nothing_from_what_lasts_longer() -> None:
+    lasting = after(np.full(60, 0.3), np.full(60, 0.2))
+    assert lasting.wrong
+    np.testing.assert_array_equal(lasting.chop, 0.0)
+
+
+def test_velocities_that_err_one_way_and_then_another_are_a_lesser_wrong() -> None:
+    """Of a receiver that errs by 0.08 m/s for some seconds; an error that stays is none of it."""
+    rng, d = np.random.default_rng(3), [0.0]
+    for _ in range(400):
+        d.append(np.exp(-0.25) * d[-1] + 0.1 * np.sqrt(1.0 - np.exp(-0.5)) * rng.standard_normal())
+    drift = np.array(d)
+    wanders, stays = after(drift[5:] - 0.2 * drift[:-5]), after(np.full(396, 0.13))
+    size = np.sqrt(np.mean((drift[5:] - 0.2 * drift[:-5]) ** 2))
+    assert size == pytest.approx(0.1, abs=0.02)
+    assert stays.level > 2.5 * wanders.level
+    assert wanders.wander[0] > 0.3 * size**2
+    assert max(stays.wander[0], 0.0) == 0.0
+
+
+def test_what_a_gap_lies_between_is_not_compared() -> None:
+    misfit = after(np.full(30, 0.3), np.full(30, 0.2)).after_gap()
+    assert np.isnan(misfit.short_error).all()
+    assert len(misfit.latest) == 0
+    second = replace(
+        next(iter(seconds(1))), errors=np.full((2, 3), -0.3), short_error=np.full(3, -0.2)
+    )
+    later = misfit.observe(second, SLOW, (5, 10))
+    np.testing.assert_array_equal(later.chop, misfit.chop)
+    np.testing.assert_array_equal(later.wander, misfit.wander)
