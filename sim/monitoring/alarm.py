@@ -42,8 +42,8 @@ DOUBTS = (Cause.NOTHING, Cause.EITHER, Cause.SEVERAL, Cause.OTHER)
 MIN_CHANGE = 0.5  # of the disturbance that was reported, and …
 MIN_CHANGE_SIGMAS = 4.0  # … of its present standard deviation: it is reported again
 MIN_ADRIFT_S = 30.0  # of trouble before the motors drive
-MOVED_S = 12.0  # another size must last that long: perhaps another cause begins
-MAX_GAIN_MOVED_NATS = 2.0  # of explanations begun anew, for a change of size to be told
+MOVED_S = 20.0  # another size must last that long: perhaps another cause begins
+MAX_GAIN_MOVED_NATS = 2.0  # of explanations begun anew, for what was told to change meanwhile
 MIN_TROUBLE_S = 12.0  # since it set in, before any explanation of it
 MIN_SECONDS = 150  # before it is said that nothing explains it
 MAX_SINGLE_GAIN = 0.5  # of its thrust that one motor alone may push more than its file says
@@ -384,9 +384,16 @@ class Alarm:
         nothing = self.explanation[0] is Cause.NOTHING
         if nothing and definite and self.resting and not self.adrift:
             return False  # a motor that rests shows no fault
+        if nothing and definite and (self._is_changing or self.misfit.ends):
+            return False  # what was told may be over: then the model is right again in a moment
         beside = tuple(one.cause for one in self.beside)
         moved = time - self.moved_since >= MOVED_S
         return self.explanation != self.reported or beside != self.told_beside or moved
+
+    @property
+    def _is_changing(self) -> bool:
+        """Whether explanations begun anew do a little better, though not enough to take over."""
+        return any(one.gain > MAX_GAIN_MOVED_NATS for one in self.anew)
 
     @property
     def _has_moved(self) -> bool:
@@ -396,7 +403,7 @@ class Alarm:
             return False
         change, size = now.disturbance - before, float(np.linalg.norm(before))
         far = now.squared_distance(before) > MIN_CHANGE_SIGMAS**2
-        if any(one.gain > MAX_GAIN_MOVED_NATS for one in self.anew):
+        if self._is_changing:
             return False
         return far and float(np.linalg.norm(change)) > MIN_CHANGE * size
 

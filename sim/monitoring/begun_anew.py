@@ -25,7 +25,7 @@ from sim.monitoring.filters import SCORE_MEMORY_S
 
 # Chosen on the tuning voyages of benchmarks/live_naming.py and on changes of cause of another
 # generator; what they give on others: benchmarks/results/live_naming.md.
-LASTS_S = 40.0
+LASTS_S = 30.0
 MIN_SCORE_ANEW_NATS = 12.0
 SOON_S, SOON_FACTOR = 120.0, 2.0  # that much more is asked, so soon after the last time
 MAX_KNOWN = 2  # causes beside which another one is looked for

@@ -18,10 +18,9 @@ second and d half that of its change, both beyond what is expected,
     min(d, q² / d)
 
 is part of the floor of the longer predictions: of a swing of ω it is the mean of e² after any
-longer time, q = 2 σ² (1 − cos ω), d = q (1 − cos ω). So is a
-share of the same of predictions that follow one another over the shortest horizon that is watched:
-the velocities of a receiver that errs one way for some seconds and then another look so. No more
-than a share, for an error of the model changes too where the boat manoeuvres.
+longer time, q = 2 σ² (1 − cos ω), d = q (1 − cos ω). The same of predictions that follow one
+another over five seconds, for velocities that err one way for some seconds, would hide most of what
+changes as the boat manoeuvres: a motor that lags, a load.
 """
 
 from dataclasses import dataclass, field, replace
@@ -37,12 +36,8 @@ from sim.state import Floats, Ints
 # a model called wrong 11 to 20 s after a current sets in.
 NEGLIGIBLE = 0.3 * MIN_SCALES  # s: m/s, m/s, rad/s
 MEMORY_S = 20.0  # of the running means
+RECENT_S = 5.0  # of the shorter one
 WRONG_ABOVE, RIGHT_BELOW = 3.0, 1.5  # mean of z
-# What errs one way and then another; chosen on the tuning voyages of benchmarks/live_naming.py and
-# on those of another generator. Were all of it to count, half of the alarms of what nobody lists
-# would be lost.
-WANDER_MEMORY_S = 60.0
-WANDER_SHARE = 0.35
 MIN_TIMES_FLOOR = 2.0  # mean square of u, v or r over its floor: "off by 0.05, noise explains 0.05"
 COMMAND_TIMING_S = 0.2  # δ
 TINY = 1e-12
@@ -57,7 +52,7 @@ MAX_FLOOR_STD = np.array([5.0, 5.0, 3.0])
 # Columns of a past second: variance (3,) of the estimate, Φ (3, 3) row by row, Q (3,)
 TRANSITION, COMMANDS, COLUMNS = 3, 12, 15
 NO_PAST = np.zeros((0, COLUMNS))
-NO_CHOP, UNKNOWN, NO_ERRORS = np.zeros(3), np.full(3, np.nan), np.zeros((0, 3))
+NO_CHOP, UNKNOWN = np.zeros(3), np.full(3, np.nan)
 
 
 @dataclass(frozen=True)
@@ -65,6 +60,7 @@ class Misfit:
     """How large the prediction errors of the last seconds are, beside what noise explains.
 
     level    running mean of z           z      of this second, NaN where nothing came due
+    recent   the same over few seconds
     squares  (3,) running sum of e²      floors (3,) of its expected variance, first horizon;
              both over the same weights, so that their roots compare
     short    (3,) running mean of e² after one second, less its expected variance
@@ -74,11 +70,10 @@ class Misfit:
     past     (K, 15) the last seconds, oldest first
     commanded  (3,) a second ago, None at the start
     short_error  (3,) after one second, a second ago
-    wander   (3,) as `chop`, of predictions over the shortest horizon that follow one another
-    latest   (K, 3) errors over that horizon that came due in the last seconds, oldest first
     """
 
     level: float = 0.0
+    recent: float = 0.0
     z: float = np.nan
     squares: Floats = field(default_factory=lambda: np.zeros(3))
     floors: Floats = field(default_factory=lambda: np.zeros(3))
@@ -90,8 +85,6 @@ class Misfit:
     past: Floats = field(default_factory=lambda: NO_PAST)
     commanded: Floats | None = None
     short_error: Floats = field(default_factory=lambda: UNKNOWN)
-    wander: Floats = field(default_factory=lambda: np.zeros(3))
-    latest: Floats = field(default_factory=lambda: NO_ERRORS)
 
     def observe(
         self, second: SecondMeans, balance: Balance, horizons: tuple[int, ...], clears: bool = True
@@ -106,25 +99,21 @@ class Misfit:
         past[:-1] = self.past[-max(horizons) :]
         write_second(second.variance, balance.system_matrix, change, past[-1])
         seen = self._with_short(second, past)
-        latest = np.concatenate([self.latest, second.errors[:1]])[-horizons[0] - 1 :]
-        wander = seen._wander_after(second, past, latest, horizons[0])
-        beside = seen.chop + WANDER_SHARE * np.maximum(wander, 0.0)
         due = np.empty((len(horizons), 3))
-        z, first = judge(past, second.variance, beside, np.array(horizons), second.errors, due)
-        seen = replace(
-            seen, z=np.nan, wander=wander, latest=latest, past=past, commanded=second.commanded
-        )
+        z, first = judge(past, second.variance, seen.chop, np.array(horizons), second.errors, due)
+        seen = replace(seen, z=np.nan, past=past, commanded=second.commanded)
         if first < 0:
             return seen
         error, floor = second.errors[first], due[first]
         level = self.level + (min(z, MAX_Z) - self.level) / MEMORY_S
         level = level if clears else max(level, self.level)
+        recent = self.recent + (min(z, MAX_Z) - self.recent) / RECENT_S
         since = min(self.since, second.time) if level > RIGHT_BELOW or self.wrong else np.inf
         squares = self.squares + (error**2 - self.squares) / MEMORY_S
         floors = self.floors + (floor - self.floors) / MEMORY_S
         shows = bool((squares > MIN_TIMES_FLOOR * floors).any())
         return replace(
-            seen, level=level, z=z, squares=squares, floors=floors, since=since,
+            seen, level=level, recent=recent, z=z, squares=squares, floors=floors, since=since,
             weight=self.weight + (1.0 - self.weight) / MEMORY_S,
             wrong=level > RIGHT_BELOW if self.wrong else level > WRONG_ABOVE and shows,
         )  # fmt: skip
@@ -146,16 +135,10 @@ class Misfit:
         short, changes = np.maximum(self.short, 0.0), np.maximum(self.changes, 0.0)
         return np.asarray(np.minimum(changes, short**2 / np.maximum(changes, TINY)))
 
-    def _wander_after(
-        self, second: SecondMeans, past: Floats, latest: Floats, horizon: int
-    ) -> Floats:
-        """`wander` after one more second; latest (K, 3): the errors due until then."""
-        change, expected = latest[-1] - latest[0], np.empty(3)
-        whole = len(latest) > horizon and np.isfinite(change).all()
-        if not (whole and write_floor(past, second.variance, horizon, NO_CHOP, expected)):
-            return self.wander
-        beyond = 0.5 * change**2 - expected - self.chop
-        return np.asarray(self.wander + (beyond - self.wander) / WANDER_MEMORY_S)
+    @property
+    def ends(self) -> bool:
+        """Whether errors of late would not be called wrong."""
+        return self.recent < WRONG_ABOVE
 
     @property
     def errors(self) -> Floats:
@@ -165,9 +148,7 @@ class Misfit:
 
     def after_gap(self) -> "Misfit":
         """The estimate jumped or fell silent: predictions under way are dropped."""
-        return replace(
-            self, z=np.nan, past=NO_PAST, commanded=None, short_error=UNKNOWN, latest=NO_ERRORS
-        )
+        return replace(self, z=np.nan, past=NO_PAST, commanded=None, short_error=UNKNOWN)
 
 
 @compiled

@@ -121,6 +121,7 @@ def test_a_motor_that_was_named_stays_named_while_it_rests(
     alarm = replace(
         Alarm.start(estimator), explanation=explanation, explanation_since=100.0,
         reported=(Cause.THRUST, False), reported_at=0.0, resting=resting, adrift=adrift,
+        misfit=Misfit(recent=WRONG_ABOVE),
     )  # fmt: skip
     assert alarm._has_news(200.0) is told
 
@@ -573,3 +574,24 @@ def test_headings_adrift_and_before_the_trouble_tell_no_water_from_air(
     for second in seconds(40):
         anew = anew.observe(second, 1.0, 100.0)
     assert anew.headings == 2
+
+
+@pytest.mark.parametrize(
+    ("explanation", "reported", "recent", "told"),
+    [
+        ((Cause.NOTHING, True), Cause.CURRENT, 2.9, False),
+        ((Cause.NOTHING, True), Cause.CURRENT, 3.1, True),
+        ((Cause.NOTHING, True), Cause.SEVERAL, 2.9, True),
+        ((Cause.DRAG, False), Cause.CURRENT, 2.9, True),
+    ],
+)
+def test_nothing_is_told_of_a_cause_that_has_just_ended(
+    estimator: DisturbanceEstimator, explanation: tuple[Cause, bool], reported: Cause,
+    recent: float, told: bool,
+) -> None:  # fmt: skip
+    """After a current had stopped "no one cause stands out" came before "right again"."""
+    alarm = replace(
+        Alarm.start(estimator), explanation=explanation, explanation_since=100.0,
+        reported=(reported, False), reported_at=0.0, misfit=Misfit(recent=recent),
+    )  # fmt: skip
+    assert alarm._has_news(200.0) is told
