@@ -44,7 +44,7 @@ from gateway.long_running import LogLine, Stop, stop_on_signals
 from gateway.recording.foxglove_server import FoxgloveServer
 from gateway.shadow import TICK_S
 from gateway.shadow.health import SECOND
-from gateway.shadow.topic_rows import EventRow
+from gateway.shadow.topic_rows import EventRow, event_rows
 from gateway.vessel_file import dump_vessel
 from sim.state import Progress
 
@@ -404,7 +404,8 @@ class Gateway:
         def status() -> bytes:
             links = {link.name: vars(link.counts()) for link in self.links}
             about = {"name": boat.name, "boat": str(boat.boat), "system": boat.boat.system}
-            return orjson.dumps({**about, "links": links, "faults": self.faults})
+            judged = None if boat.judged is None else event_rows([boat.judged]).messages()[0]
+            return orjson.dumps({**about, "links": links, "faults": self.faults, "judged": judged})
 
         return status
 
