@@ -22,7 +22,7 @@ from gateway.recording.writer import warm_up
 from gateway.shadow import BLIND_S, SILENCE_S, TICK_S, FilterInputs
 from gateway.shadow.events import EventDetector, MissingForceRange
 from gateway.shadow.health import SECOND, LiveHealth
-from gateway.shadow.model_monitor import Adapt, ModelMonitor, taken_over
+from gateway.shadow.model_monitor import FIRST_S, Adapt, ModelMonitor, taken_over
 from gateway.shadow.path import RowMemory, ShadowPath, ShadowRows
 from gateway.shadow.sensor_checks import SensorMemory
 from gateway.shadow.topic_rows import EventRow, event_rows, topic_rows
@@ -46,6 +46,7 @@ JUDGING = frozenset(event.value for event in ModelEvent)
 # breaks of the estimate, printed too, but not all that one cause brings with it
 BREAKS, QUIET_NS = frozenset({"jump", "restart"}), 10 * SECOND
 JUDGED_ANEW = "what was wrong before the reboot is judged anew: it may have been its sensors"
+NEVER_WRONG = "the model was not found wrong"
 REBOOTED = "the autopilot rebooted: the estimate begins anew, and the shadow follows it again"
 
 
@@ -191,6 +192,16 @@ class LiveBoat:
         """An event of the gateway's own, at a moment on the receiver's clock."""
         vehicle = self._vehicle_time(now_ns)
         return [event_rows([EventRow(vehicle, now_ns, kind, severity, text)])]
+
+    @property
+    def verdict(self) -> EventRow | None:
+        """What stands of the model: what was last said of it, or that nothing was; None where it
+        was hardly judged.
+        """
+        if self.judged is not None or self._model_monitor.alarm.estimate.count < FIRST_S:
+            return self.judged
+        times = (0, 0) if self._newest is None else self._newest[::-1]
+        return EventRow(*times, ModelEvent.RIGHT.value, "info", NEVER_WRONG)
 
     @property
     def address(self) -> tuple[int, int]:

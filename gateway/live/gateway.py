@@ -163,6 +163,17 @@ class Gateway:
         failures = {boats[n].name: out.new_failure() for n, out in self.outputs.items()}
         return [f"{name}: {failure}" for name, failure in failures.items() if failure]
 
+    def left(self) -> list[LogLine]:
+        """Once recordings are closed: where they are, and what stands of each model."""
+        lines = list[LogLine]()
+        for number, outputs in self.outputs.items():
+            boat = self.fleet.boats[number]
+            lines += [LogLine(f"recorded: {path}", vessel=boat.name) for path in outputs.paths]
+            if (last := boat.verdict) is not None:
+                text = f"{boat.name}, at the end: {last.text}"
+                lines.append(LogLine(text, last.severity, last.kind, boat.name))
+        return lines
+
     def catch_up(self) -> None:
         """Hold all rows that still wait for it against their models."""
         while self._unjudged:
@@ -431,6 +442,8 @@ def run_until_stopped(plans: Sequence[BoatPlan], options: LiveOptions, progress:
         gc.freeze()  # what was loaded by now stays: it is not searched again and again
         progress(f"{opening(options.endpoints)}; Ctrl-C ends")
         gateway.run(stop)
+    for line in gateway.left():
+        progress(line)
     if unfinished := gateway.unfinished():
         raise ShadowError("; ".join(unfinished))
     progress("finished")

@@ -384,6 +384,34 @@ def test_the_status_tells_by_which_event_the_model_was_judged_last() -> None:
     }  # fmt: skip
 
 
+def test_the_end_tells_where_recordings_are_and_what_stands_of_the_model(
+    tmp_path: Path,
+) -> None:
+    """ "finished" alone was said of a model that had been wrong for a minute."""
+    with Deck(out=tmp_path) as deck:
+        deck.hear(datagrams(played(3.0)))
+        (boat,) = deck.gateway.fleet.boats.values()
+        boat._with_events([], [EventRow(1, 2, "model_explained", "warning", SAYS)])
+        (outputs,) = deck.gateway.outputs.values()
+    path = next(tmp_path.glob("*.mcap"))
+    assert deck.gateway.left() == [f"recorded: {path}", f"wam-v, at the end: {SAYS}"]
+    assert [line.level for line in deck.gateway.left()] == ["info", "warning"]
+    path.unlink()
+    assert outputs.paths == ()
+
+
+@pytest.mark.parametrize("seconds", [3, 60])
+def test_at_the_end_a_model_is_only_said_to_be_right_where_it_was_judged(seconds: int) -> None:
+    with Deck() as deck:
+        deck.hear(datagrams(played(3.0)))
+        (boat,) = deck.gateway.fleet.boats.values()
+    monitor = boat._model_monitor
+    estimate = replace(monitor.alarm.estimate, count=seconds)
+    boat._model_monitor = monitor._replace(alarm=replace(monitor.alarm, estimate=estimate))
+    told = ["wam-v, at the end: the model was not found wrong"] if seconds == 60 else []
+    assert deck.gateway.left() == told
+
+
 def test_breaks_of_the_estimate_are_printed_now_and_then() -> None:
     """A source that jumps again and again is one line in ten seconds."""
     with Deck() as deck:
