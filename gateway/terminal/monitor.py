@@ -1,7 +1,7 @@
 """`shadow monitor`: vessels on the bus, in full where there is room, else a line each; as JSON.
 
 Whether each model is right stands in sentences of its own. Below come events, in the lines that are
-left: those that bear on the model first, answers to requests last.
+left: warnings and what bears on the model first, answers to requests last.
 """
 
 import io
@@ -42,10 +42,10 @@ WIDE = 110  # columns from which link and rates stand beside the motion
 MOTION_COLUMNS = 74
 EVENT_LINES = 6  # where the terminal does not say how many there are
 LEAST_EVENT_LINES = 2  # of each of several vessels in full
-FRAME_LINES = 2
+FRAME_LINES, FRAME_COLUMNS = 2, 4
 CLOCK_COLUMNS = 9
 ROUTINE = frozenset(("rate_request",))  # events that come last
-BEARING = ("model_", "sensor_")  # how the kinds of events begin that come first
+BEARING = ("model_", "sensor_")  # so begin kinds of events that come first, as warnings do
 SIGNIFICANT = 3.0  # standard deviations from which a missing force is marked
 LARGE_STD = 99.9  # has no digits behind the point: it would run into the unit
 SAME_TIME_NS = 5e8  # boat and shadow further apart are not compared
@@ -64,16 +64,17 @@ def monitor_view(
     statuses: Sequence[VesselStatus], width: int, height: int | None = None
 ) -> RenderableType:
     """All vessels; `height` in lines where they must fit, None where they need not."""
-    bodies = [_body(status, width - 4) for status in statuses]
+    inside = width - FRAME_COLUMNS
+    bodies = [_body(status, width) for status in statuses]
     free = EVENT_LINES * len(bodies)
     if height is not None:
-        free = height - sum(_lines_of(body, width - 4) + FRAME_LINES for body in bodies)
+        free = height - sum(_lines_of(body, inside) + FRAME_LINES for body in bodies)
         if len(bodies) > 1 and free < LEAST_EVENT_LINES * len(bodies):
             return _overview(statuses, width, height)
     panels = []
     for left, (status, body) in enumerate(zip(statuses, bodies, strict=True)):
-        events = _events([status], width - 4, max(free, 0) // (len(bodies) - left))
-        free -= _lines_of(events, width - 4)
+        events = _events([status], inside, max(free, 0) // (len(bodies) - left))
+        free -= _lines_of(events, inside)
         title = Text.assemble((status.name, "bold"), "  ", _state(status))
         panels.append(Panel(Group(body, events), title=title, title_align="left"))
     return Group(*panels)
@@ -101,7 +102,7 @@ def _body(status: VesselStatus, width: int) -> Group:
     """All of a vessel but its events."""
     motion, link = _motion(status), _link(status.message("health"))
     body: list[RenderableType] = [motion, *link]
-    if width + 4 >= WIDE:
+    if width >= WIDE:
         beside = Table.grid(padding=(0, 2))
         beside.add_column(width=MOTION_COLUMNS)
         beside.add_row(motion, Group(*link))
@@ -263,7 +264,7 @@ def _words(head: str, *parts: tuple[str, bool]) -> Text:
 
 
 def _events(statuses: Sequence[VesselStatus], width: int, lines: int) -> Table:
-    """As many events as fit into so many lines, in their order: those that bear on the model and
+    """As many events as fit into so many lines, in their order: those that matter most and
     the newest first; what stands above as the judgement of a model is not told again.
 
     Of several vessels each with the name.
@@ -289,8 +290,8 @@ def _events(statuses: Sequence[VesselStatus], width: int, lines: int) -> Table:
 
 
 def _rank(event: Message) -> int:
-    """Which events come first: of the model and the sensors, then others, requests last."""
-    if event["kind"].startswith(BEARING):
+    """Which events come first: of model and sensors, and warnings; then others, requests last."""
+    if event["kind"].startswith(BEARING) or event["severity"] in ("warning", "error"):
         return 0
     return 2 if event["kind"] in ROUTINE else 1
 

@@ -211,6 +211,9 @@ def test_events_of_the_model_and_the_sensors_go_before_answers_to_requests() -> 
     text = shown(watched(WRONG, failed, *REQUESTS), height=24)
     assert BEGAN + CAUSE in words_of(text)
     assert text.index("looks like") < text.index("the GPS has no 3-D fix")
+    old = [event(k, "sensor_failed", f"failure {k}", "warning") for k in range(9)]
+    full = event(40, "recording_failed", "the disk is full", "error")
+    assert "the disk is full" in shown(watched(*old, full, *REQUESTS), height=24)
     tall = shown(watched(WRONG, failed, *REQUESTS), height=50)
     assert all(f"MESSAGE_{k}" in tall for k in range(9))
 
