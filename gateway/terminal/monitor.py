@@ -312,11 +312,15 @@ def _overview(statuses: Sequence[VesselStatus], width: int, height: int) -> Grou
         table.add_column(name, justify="right", no_wrap=True)
     for status in statuses:
         table.add_row(*_line(status))
+    odd = [text for status in statuses for text in _odd(status)]
     left, told = height - _lines_of(table, width), list[Text]()
-    for status in statuses:
-        for text in _odd(status):
-            if (needed := _lines_of(text, width)) <= left:
-                told, left = [*told, text], left - needed
+    while odd and (needed := _lines_of(odd[0], width)) <= left - (len(odd) > 1):
+        told, odd, left = [*told, odd[0]], odd[1:], left - needed
+    if odd:
+        told, left = (
+            [*told, Text(f"and {len(odd)} more: `shadow monitor NAME` shows one", style=FAINT)],
+            left - 1,
+        )
     return Group(table, *told, _events(statuses, width, left))
 
 

@@ -228,6 +228,15 @@ def test_of_two_boats_both_judgements_are_whole(height: int) -> None:
         assert text.count("● wrong") == 2
 
 
+def test_where_not_all_judgements_fit_that_is_said() -> None:
+    boats = [watched(WRONG, *REQUESTS, judged=WRONG, name=f"boat-{i}") for i in range(12)]
+    lines = shown(*boats, height=24).splitlines()
+    assert len(lines) <= 24
+    assert sum("● wrong" in line for line in lines) == 12
+    assert "and 9 more: `shadow monitor NAME` shows one" in lines
+    assert sum("less" in line for line in lines) == 3
+
+
 def test_a_large_deviation_does_not_run_into_its_unit() -> None:
     large = {"missing_yaw_nm": 89.1, "missing_yaw_nm_std": 685.2}
     text = shown(watched(residual=large), height=24)
