@@ -46,8 +46,18 @@ class Latest:
 
 
 @dataclass(frozen=True)
+class Judged:
+    """What a gateway said last of its model: an event; None where it has said nothing so far."""
+
+    event: Message | None = None
+
+
+@dataclass(frozen=True)
 class VesselStatus:
-    """One vessel as it is now; events oldest first, `event_count` of all that there have been."""
+    """One vessel as it is now; events oldest first, `event_count` of all that there have been.
+
+    judged  None: it was not heard, and the gateway could not be asked
+    """
 
     name: str
     alive: bool
@@ -55,6 +65,7 @@ class VesselStatus:
     rate_hz: float
     events: tuple[Message, ...] = ()
     event_count: int = 0
+    judged: Judged | None = None
 
     def message(self, topic: str) -> Message | None:
         """The latest message of a topic."""
@@ -103,6 +114,7 @@ class VesselStatus:
             "age_s": self.age_s(),
             "rate_hz": self.rate_hz,
             "latest": self.messages(),
+            "judged": None if self.judged is None else self.judged.event,
             "events": self.events[len(self.events) - fresh :],
         }
 
@@ -120,6 +132,19 @@ def decode(topic: str, payload: bytes) -> Message | None:
     if not isinstance(message, dict) or not all(_fits(message.get(f.name), f) for f in fields):
         return None
     return {k: printable(v) if isinstance(v, str) else v for k, v in message.items()}
+
+
+def judged_in(payload: bytes) -> Judged | None:
+    """What an answer to `status` says of the model; None where it does not say."""
+    try:
+        status = orjson.loads(payload)
+    except orjson.JSONDecodeError:
+        return None
+    if not isinstance(status, dict) or "judged" not in status:
+        return None
+    told = status["judged"]
+    event = decode("event", orjson.dumps(told))
+    return None if event is None and told is not None else Judged(event)
 
 
 def _fits(value: Any, field: Field) -> bool:
@@ -144,7 +169,10 @@ ANSWER_TIMEOUT_S = 5.0
 RETRY_S = 1.0  # between attempts to join where nothing answers
 RATE_WINDOW_S = 3.0
 MOST_GONE = 20  # vessels that are remembered after they have gone
-MOST_EVENTS = 20  # per vessel
+MOST_EVENTS = 100  # per vessel
+BEGUN = "started"  # the first estimate of a gateway: what another one said before is over
+JUDGING = frozenset(("model_wrong", "model_explained", "model_right"))
+STATUS = "status"  # which only answers
 
 
 @dataclass(frozen=True)
@@ -209,17 +237,23 @@ class _Received:
     arrivals: deque[float] = field(default_factory=lambda: deque(maxlen=100))
     events: deque[Message] = field(default_factory=lambda: deque(maxlen=MOST_EVENTS))
     event_count: int = 0
+    judged: Judged | None = None
 
     def copy(self) -> "_Received":
         """A copy that later messages do not change."""
         return _Received(self.alive, dict(self.payloads), self.arrivals.copy(), self.events.copy(),
-                         self.event_count)  # fmt: skip
+                         self.event_count, self.judged)  # fmt: skip
 
     def add_event(self, event: Message | None) -> None:
         """Once, though it may come as history, as an answer and as news."""
-        if event is not None and event not in self.events:
-            self.events.append(event)
-            self.event_count += 1
+        if event is None or event in self.events:
+            return
+        self.events.append(event)
+        self.event_count += 1
+        if event["kind"] == BEGUN:
+            self.judged = Judged()
+        elif event["kind"] in JUDGING:
+            self.judged = Judged(event)
 
     def status(self, name: str, now: float) -> VesselStatus:
         """Payloads decoded, ages and rate at the time `now`."""
@@ -231,7 +265,8 @@ class _Received:
                 latest[topic] = Latest(message, None if arrival is None else now - arrival)
         events = tuple(sorted(self.events, key=lambda event: event["receive_time_ns"]))
         rate = _rate(self.arrivals, now)
-        return VesselStatus(printable(name), self.alive, latest, rate, events, self.event_count)
+        return VesselStatus(printable(name), self.alive, latest, rate, events, self.event_count,
+                            self.judged)  # fmt: skip
 
 
 class VesselSubscriber:
@@ -291,10 +326,14 @@ class VesselSubscriber:
 
     def _keep(self, sample: Any, arrival: float | None) -> None:
         name, topic = _parts(sample.key_expr)
-        if topic not in WATCHED:
+        if topic not in WATCHED and not (topic == STATUS and arrival is None):
             return
         payload = sample.payload.to_bytes()
         with self._lock:
+            if topic == STATUS:
+                vessel = self._vessel(name)
+                vessel.judged = vessel.judged or judged_in(payload)
+                return
             if topic == TRUTH and name not in self._vessels:
                 return
             vessel = self._vessel(name)

@@ -43,6 +43,11 @@ def read_toml(file: Path, what: str, kind: str = "a TOML file") -> dict[str, Any
             raw = stream.read(MAX_BYTES + 1)
     except OSError as error:
         raise BadInput(f"{file}: cannot read {what}: {error.strerror}") from None
+    return parse_toml(file, raw, what, kind)
+
+
+def parse_toml(file: Path, raw: bytes, what: str, kind: str = "a TOML file") -> dict[str, Any]:
+    """The tables of what was read from a file, refused as `read_toml` does."""
     if len(raw) > MAX_BYTES:
         raise BadInput(f"{file}: larger than {MAX_BYTES:,} bytes (MAX_BYTES): not {kind}")
     try:  # Notepad begins a file with a byte order mark

@@ -16,7 +16,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from gateway.errors import BadInput, printable
 from gateway.files import vessel_names, vessel_path
-from gateway.toml_file import MAX_TOLD, explain, read_toml, shortened, validated
+from gateway.toml_file import MAX_TOLD, explain, parse_toml, read_toml, shortened, validated
 from gateway.user_effects import effect_file_beside, known_effects, load_trusted_effects
 from gateway.vessel_tables import (
     AREAS_KEY,
@@ -50,13 +50,14 @@ from sim.vessel import (
 )
 
 _VESSEL_FILE = TypeAdapter(VesselFile)
+ENCLOSED_VESSEL = "vessel.toml"  # the attachment of a recording with the vessel that it is of
 LISTED = "`shadow effects` lists those there are"
 ROOM = 20  # characters behind a name: " fitted"
 OF, OF_THE_BOAT = "of", "boat"  # in the entry of an effect of a day that this boat has every day
 
 
 def load_vessel(path: str | Path, more_effects: Iterable[Effect] = ()) -> Vessel:
-    """The vessel of a vessel file, or a shipped vessel by its name (`otter`).
+    """The vessel of a vessel file, of the one in a recording, or a shipped one by name (`otter`).
 
     `more_effects` are known beside the catalogue's.
     """
@@ -135,9 +136,21 @@ def read_vessel_file(path: str | Path) -> VesselFile:
             f"{did_you_mean(str(path), names)}vessels that ship: {', '.join(names)}"
         )
     try:
-        return validated(_VESSEL_FILE, read_toml(file, "the vessel file"))
+        return validated(_VESSEL_FILE, _tables(file))
     except ValidationError as error:
         raise BadInput(f"{file}: {explain(error)}") from None
+
+
+def _tables(file: Path) -> dict[str, Any]:
+    """The tables of a vessel file, or of the one that lies in a recording of the gateway's."""
+    if file.suffix != ".mcap":
+        return read_toml(file, "the vessel file")
+    from gateway.recording.reader import Recording  # of no use to any other
+
+    held = Recording.open(file).attachments.get(ENCLOSED_VESSEL)
+    if held is None:
+        raise BadInput(f"{file}: this recording holds no vessel file: give one (TOML)")
+    return parse_toml(file, held.data, "the vessel file in it")
 
 
 def _hull(read: VesselFile) -> Hull:

@@ -60,7 +60,7 @@ def info(
     from gateway.ingest.survey import survey
     from gateway.offline.trials import why_unusable
     from gateway.terminal import status_line
-    from gateway.terminal.next_step import after_info, main_boat
+    from gateway.terminal.next_step import after_info, holds_vessel, main_boat
     from gateway.terminal.recordings import show_events, show_next, show_survey
 
     opened = open_log(log, mapping)
@@ -74,7 +74,7 @@ def info(
         if found.boats:
             with status_line("what can be done with it"):
                 unusable = why_unusable(opened, main_boat(found).boat.system)
-            show_next(after_info(found, unusable, mapping, system))
+            show_next(after_info(found, unusable, mapping, system, holds_vessel(opened)))
 
     def as_json() -> dict[str, object]:
         by_boat = {str(boat): as_dicts(happened) for boat, happened in told.items()}

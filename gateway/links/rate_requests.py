@@ -79,7 +79,10 @@ TOO_FAST = (  # results that may mean that this rate is not to be had: PX4 says 
     dialect.MAV_RESULT_DENIED, dialect.MAV_RESULT_UNSUPPORTED, dialect.MAV_RESULT_FAILED,
 )  # fmt: skip
 NO_ANSWER = "no answer"
-SIGNED_ONLY = ": a boat that takes signed frames alone answers with --signing-key"
+UNHEARD = (
+    ": the link may go one way only (then --silent), or the boat takes signed frames alone "
+    "(then --signing-key)"
+)
 
 
 def check_rates(rates_hz: Mapping[str, float]) -> None:
@@ -150,6 +153,7 @@ class BoatRequests:
     first_sequence: int = -1  # that of the heartbeat by which it was found; -1: not known
     counts: bool = False  # whether its sequence numbers were seen to change
     autopilot: str = ""
+    unheard: bool = False  # whether it was told why the boat may not answer at all
 
     @classmethod
     def start(
@@ -172,7 +176,7 @@ class BoatRequests:
     def again(self, rates_hz: Mapping[str, float], now_ns: int) -> "BoatRequests":
         """The same boat has forgotten it all."""
         fresh = BoatRequests.start(self.boat, rates_hz, now_ns, self.first_sequence, self.autopilot)
-        return replace(fresh, counts=self.counts)
+        return replace(fresh, counts=self.counts, unheard=self.unheard)
 
     def due(self, now_ns: int) -> tuple["BoatRequests", RateRequest | None, RequestOutcome | None]:
         """The state after now, the request to send, if any, and the one that is given up."""
@@ -180,8 +184,9 @@ class BoatRequests:
             return self, None, None
         if self.tries == len(ANSWER_TIMEOUTS_NS):
             never = self.refusal == NO_ANSWER and self.last_ack < 0
-            given_up = self._outcome(self.refusal + (SIGNED_ONLY if never else ""))
-            after, request, _ = self._refused()._next(now_ns).due(now_ns)
+            given_up = self._outcome(self.refusal + (UNHEARD * (never and not self.unheard)))
+            left = replace(self._refused(), unheard=self.unheard or never)
+            after, request, _ = left._next(now_ns).due(now_ns)
             return after, request, given_up
         message = self.pending[0]
         request = RateRequest(self.boat, message, self.rates_hz[message], self.tries)

@@ -22,11 +22,12 @@ from gateway.recording.writer import warm_up
 from gateway.shadow import BLIND_S, SILENCE_S, TICK_S, FilterInputs
 from gateway.shadow.events import EventDetector, MissingForceRange
 from gateway.shadow.health import SECOND, LiveHealth
-from gateway.shadow.model_monitor import Adapt, ModelMonitor, taken_over
+from gateway.shadow.model_monitor import FIRST_S, Adapt, ModelMonitor, taken_over
 from gateway.shadow.path import RowMemory, ShadowPath, ShadowRows
 from gateway.shadow.sensor_checks import SensorMemory
 from gateway.shadow.topic_rows import EventRow, event_rows, topic_rows
 from gateway.vessel_file import zenoh_key
+from sim.monitoring.alarm import ModelEvent
 from sim.plants import OWN_VESSEL, PlantChoice
 from sim.vessel import Vessel
 
@@ -41,9 +42,11 @@ TOLD = frozenset({
     "shadow_diverged", "shadow_steady", "shadow_reset", "parameter_changed", "parameter_usual",
     "parameter_inseparable",
 })  # fmt: skip
+JUDGING = frozenset(event.value for event in ModelEvent)
 # breaks of the estimate, printed too, but not all that one cause brings with it
 BREAKS, QUIET_NS = frozenset({"jump", "restart"}), 10 * SECOND
 JUDGED_ANEW = "what was wrong before the reboot is judged anew: it may have been its sensors"
+NEVER_WRONG = "the model was not found wrong"
 REBOOTED = "the autopilot rebooted: the estimate begins anew, and the shadow follows it again"
 
 
@@ -103,6 +106,7 @@ class LiveBoat:
         self.name = name
         self.health = LiveHealth()
         self.reboots = 0  # of the autopilot
+        self.judged: EventRow | None = None  # what was last said of the model
         self._settings = path.estimator.settings
         self._state = path.start()
         self._event_detector = EventDetector.of(path.model.vessel)
@@ -190,6 +194,16 @@ class LiveBoat:
         return [event_rows([EventRow(vehicle, now_ns, kind, severity, text)])]
 
     @property
+    def verdict(self) -> EventRow | None:
+        """What stands of the model: what was last said of it, or that nothing was; None where it
+        was hardly judged.
+        """
+        if self.judged is not None or self._model_monitor.alarm.estimate.count < FIRST_S:
+            return self.judged
+        times = (0, 0) if self._newest is None else self._newest[::-1]
+        return EventRow(*times, ModelEvent.RIGHT.value, "info", NEVER_WRONG)
+
+    @property
     def address(self) -> tuple[int, int]:
         """System and component id."""
         return self.boat.system, self.boat.component
@@ -209,7 +223,8 @@ class LiveBoat:
         times = self._vehicle_time(now_ns), now_ns
         events = [EventRow(*times, "reboot", "warning", REBOOTED)]
         if self._model_monitor.alarm.misfit.wrong:
-            events.append(EventRow(*times, "model_right", "info", JUDGED_ANEW))
+            self.judged = EventRow(*times, ModelEvent.RIGHT.value, "info", JUDGED_ANEW)
+            events.append(self.judged)
         self._model_monitor = self._model_monitor.rebooted()
         return BoatOutput([event_rows(events)], None, tuple(events))
 
@@ -262,6 +277,8 @@ class LiveBoat:
         """Messages, and events as messages and for people."""
         if not events:
             return BoatOutput(rows, out)
+        for event in events:
+            self.judged = event if event.kind in JUDGING else self.judged
         told = tuple(event for event in events if event.kind in TOLD or self._is_new_break(event))
         return BoatOutput([*rows, event_rows(events)], out, told)
 

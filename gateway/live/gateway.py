@@ -44,7 +44,7 @@ from gateway.long_running import LogLine, Stop, stop_on_signals
 from gateway.recording.foxglove_server import FoxgloveServer
 from gateway.shadow import TICK_S
 from gateway.shadow.health import SECOND
-from gateway.shadow.topic_rows import EventRow
+from gateway.shadow.topic_rows import EventRow, event_rows
 from gateway.vessel_file import dump_vessel
 from sim.state import Progress
 
@@ -162,6 +162,17 @@ class Gateway:
         boats = self.fleet.boats
         failures = {boats[n].name: out.new_failure() for n, out in self.outputs.items()}
         return [f"{name}: {failure}" for name, failure in failures.items() if failure]
+
+    def left(self) -> list[LogLine]:
+        """Once recordings are closed: where they are, and what stands of each model."""
+        lines = list[LogLine]()
+        for number, outputs in self.outputs.items():
+            boat = self.fleet.boats[number]
+            lines += [LogLine(f"recorded: {path}", vessel=boat.name) for path in outputs.paths]
+            if (last := boat.verdict) is not None:
+                text = f"{boat.name}, at the end: {last.text}"
+                lines.append(LogLine(text, last.severity, last.kind, boat.name))
+        return lines
 
     def catch_up(self) -> None:
         """Hold all rows that still wait for it against their models."""
@@ -404,7 +415,8 @@ class Gateway:
         def status() -> bytes:
             links = {link.name: vars(link.counts()) for link in self.links}
             about = {"name": boat.name, "boat": str(boat.boat), "system": boat.boat.system}
-            return orjson.dumps({**about, "links": links, "faults": self.faults})
+            judged = None if boat.judged is None else event_rows([boat.judged]).messages()[0]
+            return orjson.dumps({**about, "links": links, "faults": self.faults, "judged": judged})
 
         return status
 
@@ -430,6 +442,8 @@ def run_until_stopped(plans: Sequence[BoatPlan], options: LiveOptions, progress:
         gc.freeze()  # what was loaded by now stays: it is not searched again and again
         progress(f"{opening(options.endpoints)}; Ctrl-C ends")
         gateway.run(stop)
+    for line in gateway.left():
+        progress(line)
     if unfinished := gateway.unfinished():
         raise ShadowError("; ".join(unfinished))
     progress("finished")

@@ -90,6 +90,7 @@ class BoatOutputs:
     _reported: bool = False
     _begun_s: float = 0.0  # when the recording began that followed one that failed
     _earlier_drops: int = 0  # of recordings that failed
+    _earlier_paths: tuple[Path, ...] = ()  # of the same
     _stuck: bool = False
     _waiting: WaitingDatagrams = field(default_factory=WaitingDatagrams)
 
@@ -137,6 +138,12 @@ class BoatOutputs:
         now = self.recording.drops if self.recording is not None else 0
         return self._earlier_drops + now
 
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """All recordings that are there, in order."""
+        now = self.recording.paths if self.recording is not None else ()
+        return tuple(path for path in (*self._earlier_paths, *now) if path.exists())
+
     def wants_retry(self, now_s: float) -> bool:
         """Is it time to begin another recording, after one that failed?"""
         failed = self.failure or (self.recording is not None and self.recording.failure)
@@ -152,6 +159,7 @@ class BoatOutputs:
         """Another recording instead of one that failed or could not begin."""
         if self.recording is not None:
             self._earlier_drops += self.recording.drops
+            self._earlier_paths += self.recording.paths
             self.recording.leave()
         self.recording, self.failure, self.retry_s = recording, None, None
         self.failures += 1

@@ -4,16 +4,30 @@ import json
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gateway.ingest.log import Boat, Log, Statistics
 from gateway.json_rows import TopicRows
 from gateway.shadow.path import ShadowRows
+from sim.monitoring.alarm import ModelEvent
 from sim.state import Floats
 
+JUDGING = frozenset(event.value for event in ModelEvent)
 MIN_JUDGED = 0.01  # share of the rows: of fewer no missing force is told; chosen
+
+
+class Warned(NamedTuple):
+    """What the shadow warned of.
+
+    judges  it is about whether the model is right
+    over    it takes back that the model is wrong
+    """
+
+    says: str
+    judges: bool = False
+    over: bool = False
 
 
 @dataclass(frozen=True)
@@ -30,7 +44,7 @@ class ReplaySummary:
     events: int
     recordings: tuple[Path, ...]
     notes: tuple[str, ...] = ()  # what was odd about the log
-    warnings: tuple[str, ...] = ()  # what the shadow warned of, in order
+    warnings: tuple[Warned, ...] = ()  # in order
 
     def to_dict(self) -> dict[str, Any]:
         """What `shadow replay --json` prints of a log: SI units and radians."""
@@ -47,7 +61,7 @@ class ReplaySummary:
             ),
             "events": self.events,
             "notes": self.notes,
-            "warnings": self.warnings,
+            "warnings": [warned.says for warned in self.warnings],
             "recordings": [str(path) for path in self.recordings],
         }
 
@@ -74,7 +88,7 @@ class ReplayTotals:
     squares: Floats = field(default_factory=lambda: np.zeros(6))
     missing: Floats = field(default_factory=lambda: np.zeros(3))
     events: int = 0
-    warnings: list[str] = field(default_factory=list)
+    warnings: list[Warned] = field(default_factory=list)
     first_s: float = 0.0
     last_s: float = 0.0
 
@@ -85,8 +99,10 @@ class ReplayTotals:
         for part in rows:
             if part.topic == "event":
                 self.events += len(part)
-                told = map(json.loads, part.payloads)
-                self.warnings += [one["says"] for one in told if one["severity"] != "info"]
+                for one in map(json.loads, part.payloads):
+                    over = one["kind"] == ModelEvent.RIGHT.value
+                    if over or one["severity"] != "info":
+                        self.warnings.append(Warned(one["says"], one["kind"] in JUDGING, over))
 
     def _add_rows(self, out: ShadowRows) -> None:
         if not len(out):

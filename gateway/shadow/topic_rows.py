@@ -16,7 +16,7 @@ from gateway.ingest.mapping import Origin, to_degrees
 from gateway.json_rows import TopicRows, encode_rows
 from gateway.recording.recorder import Attachment
 from gateway.shadow.path import ShadowRows
-from gateway.vessel_file import dump_vessel
+from gateway.vessel_file import ENCLOSED_VESSEL, dump_vessel
 from sim.effects.catalogue import EFFECTS
 from sim.plants import VESSEL, PlantChoice
 from sim.state import Floats
@@ -30,7 +30,7 @@ def attachments_of(
     vessel: Vessel, plant: PlantChoice, config: Mapping[str, Any]
 ) -> list[Attachment]:
     """Vessel, plant, the sources of effects that are not the catalogue's, and configuration."""
-    named = {"vessel.toml": vessel, "plant.toml": plant.vessel}
+    named = {ENCLOSED_VESSEL: vessel, "plant.toml": plant.vessel}
     files = {name: file for name, file in named.items() if file is not None}
     own = [a.effect for v in files.values() for a in v.effects if a.effect not in EFFECTS]
     sources = {effect.file: effect.source_code for effect in own}

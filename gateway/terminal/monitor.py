@@ -1,5 +1,10 @@
-"""`shadow monitor`: vessels on the bus, in full where there is room, else a line each; as JSON."""
+"""`shadow monitor`: vessels on the bus, in full where there is room, else a line each; as JSON.
 
+Whether each model is right stands in sentences of its own. Below come events, in the lines that are
+left: warnings and what bears on the model first, answers to requests last.
+"""
+
+import io
 import math
 import signal
 import sys
@@ -29,15 +34,20 @@ from gateway.monitor import (
     time_of_day,
 )
 from gateway.terminal import SafeConsole
+from gateway.terminal.standing import Standing, Verdict, standing_of
 from gateway.topics import HORIZONS_S, RATED
 
 KNOT_MPS = 1852.0 / 3600.0
 WIDE = 110  # columns from which link and rates stand beside the motion
-FULL_LINES = 21  # of a vessel in full at 80 columns, WIDE_LINES at WIDE
-WIDE_LINES = 17
 MOTION_COLUMNS = 74
-EVENTS_SHOWN = 4
+EVENT_LINES = 6  # where the terminal does not say how many there are
+LEAST_EVENT_LINES = 2  # of each of several vessels in full
+FRAME_LINES, FRAME_COLUMNS = 2, 4
+CLOCK_COLUMNS = 9
+ROUTINE = frozenset(("rate_request",))  # events that come last
+BEARING = ("model_", "sensor_")  # so begin kinds of events that come first, as warnings do
 SIGNIFICANT = 3.0  # standard deviations from which a missing force is marked
+LARGE_STD = 99.9  # has no digits behind the point: it would run into the unit
 SAME_TIME_NS = 5e8  # boat and shadow further apart are not compared
 LOOP_LATE_S = 0.1  # marked from there on
 
@@ -54,10 +64,20 @@ def monitor_view(
     statuses: Sequence[VesselStatus], width: int, height: int | None = None
 ) -> RenderableType:
     """All vessels; `height` in lines where they must fit, None where they need not."""
-    lines = WIDE_LINES if width >= WIDE else FULL_LINES
-    if height is not None and len(statuses) > 1 and lines * len(statuses) > height:
-        return _overview(statuses)
-    return Group(*(_vessel(status, width) for status in statuses))
+    inside = width - FRAME_COLUMNS
+    bodies = [_body(status, width) for status in statuses]
+    free = EVENT_LINES * len(bodies)
+    if height is not None:
+        free = height - sum(_lines_of(body, inside) + FRAME_LINES for body in bodies)
+        if len(bodies) > 1 and free < LEAST_EVENT_LINES * len(bodies):
+            return _overview(statuses, width, height)
+    panels = []
+    for left, (status, body) in enumerate(zip(statuses, bodies, strict=True)):
+        events = _events([status], inside, max(free, 0) // (len(bodies) - left))
+        free -= _lines_of(events, inside)
+        title = Text.assemble((status.name, "bold"), "  ", _state(status))
+        panels.append(Panel(Group(body, events), title=title, title_align="left"))
+    return Group(*panels)
 
 
 def waiting_view(where: str, connected: bool) -> RenderableType:
@@ -72,30 +92,46 @@ def show_once(statuses: Sequence[VesselStatus]) -> None:
     out.print(monitor_view(statuses, out.width))
 
 
-def _vessel(status: VesselStatus, width: int) -> Panel:
+def _lines_of(shown: RenderableType, width: int) -> int:
+    """How many lines of that width it takes."""
+    console = SafeConsole(file=io.StringIO(), width=width)
+    return len(console.render_lines(shown, pad=False))
+
+
+def _body(status: VesselStatus, width: int) -> Group:
+    """All of a vessel but its events."""
     motion, link = _motion(status), _link(status.message("health"))
     body: list[RenderableType] = [motion, *link]
     if width >= WIDE:
-        compare_by_trial = Table.grid(padding=(0, 2))
-        compare_by_trial.add_column(width=MOTION_COLUMNS)
-        compare_by_trial.add_row(motion, Group(*link))
-        body = [compare_by_trial]
-    where = _where(status)
-    events = [_event(event) for event in status.events[-EVENTS_SHOWN:]]
-    title = Text.assemble((status.name, "bold"), "  ", _state(status))
-    return Panel(Group(*where, *body, *events), title=title, title_align="left")
+        beside = Table.grid(padding=(0, 2))
+        beside.add_column(width=MOTION_COLUMNS)
+        beside.add_row(motion, Group(*link))
+        body = [beside]
+    return Group(*_where(status), *_judgement(standing_of(status)), *body)
+
+
+def _judgement(standing: Standing) -> list[Text]:
+    """Whether the model is right, and why that cannot be judged just now."""
+    verdict, says, unfit = standing
+    style = {Verdict.RIGHT: GOOD, Verdict.WRONG: f"bold {WARN}"}.get(verdict, FAINT)
+    if not unfit:
+        return [Text(one_line(says), style=style)]
+    before = [] if verdict is Verdict.OPEN else [Text(f"before: {one_line(says)}", style=style)]
+    return [Text(one_line(unfit), style=WARN), *before]
 
 
 def _state(status: VesselStatus) -> Text:
     """Alive, diverging or gone, what the shadow follows, how often news comes."""
     if not status.alive:
         return Text("○ gone", style=BAD)
+    health, standing = status.message("health"), standing_of(status)
     words = Text("● alive", style=GOOD)
-    health = status.message("health")
+    if standing.verdict is Verdict.WRONG:
+        words = Text("● model wrong", style=f"bold {WARN}")
+    if health is not None and health["unfit"]:
+        words = Text("● cannot judge", style=WARN)
     if health is not None and health["diverging"]:
         words = Text("● diverges", style=BAD)
-    if health is not None and health["unfit"]:
-        words = words if health["diverging"] else Text("● cannot judge", style=WARN)
     reference, age = status.message("reference"), status.age_s()
     if reference is not None:
         model = reference["source"] == "model"
@@ -123,8 +159,8 @@ def _motion(status: VesselStatus) -> Table:
             ("boat − shadow", _difference(boat, shadow), "{}", False)]  # fmt: skip
     rows += [(f"error at {h} s", residual, f"error_{{}}_{h}s", False) for h in HORIZONS_S]
     for label, message, field, stds in rows:
-        table.add_row(label, *_axes(message, field, stds), "m/s, °/s")
-    table.add_row("missing force", *_forces(residual), "N, N m")
+        table.add_row(label, *_axes(message, field, stds), " m/s, °/s")
+    table.add_row("missing force", *_forces(residual), " N, N m")
     return table
 
 
@@ -135,7 +171,7 @@ def _axes(message: Message | None, field: str, stds: bool) -> list[Text]:
     return [
         _cell(
             _number(message[field.format(name)] * scale, digits),
-            _number(message[f"{name}_std"] * scale, digits) if stds else "",
+            _spread(message[f"{name}_std"] * scale, digits) if stds else "",
         )
         for name, scale, digits in AXES
     ]
@@ -149,7 +185,7 @@ def _forces(residual: Message | None) -> list[Text]:
     for name in FORCES:
         value, std = residual[name], residual[f"{name}_std"]
         style = f"bold {WARN}" if abs(value) > SIGNIFICANT * std else ""
-        cells.append(_cell(_number(value, 1), _number(std, 1), style))
+        cells.append(_cell(_number(value, 1), _spread(std, 1), style))
     return cells
 
 
@@ -215,8 +251,7 @@ def _link(health: Message | None) -> list[Text]:
         for name in RATED
         if h[f"rate_{name}_hz"] > 0.0
     ]
-    unfit = [_words("data", (h["unfit"], True))] if h["unfit"] else []
-    return [link, *unfit, inside, _words("rates", *rates)]
+    return [link, inside, _words("rates", *rates)]
 
 
 def _words(head: str, *parts: tuple[str, bool]) -> Text:
@@ -228,25 +263,75 @@ def _words(head: str, *parts: tuple[str, bool]) -> Text:
     return line
 
 
-def _event(event: Message, name: str = "") -> Text:
-    """A line: when, of which vessel if `name` is given, and what happened."""
-    style = STYLES.get(event["severity"], WARN)
-    line = Text(f"{time_of_day(event['receive_time_ns'])} ", style=FAINT, no_wrap=True,
-                overflow="ellipsis")  # fmt: skip
-    return line.append(f"{name}: " if name else "").append(one_line(event["says"]), style=style)
+def _events(statuses: Sequence[VesselStatus], width: int, lines: int) -> Table:
+    """As many events as fit into so many lines, in their order: those that matter most and
+    the newest first; what stands above as the judgement of a model is not told again.
+
+    Of several vessels each with the name.
+    """
+    standing = [status.judged.event for status in statuses if status.judged is not None]
+    named = len(statuses) > 1
+    known = [(event, status.name if named else "") for status in statuses
+             for event in status.events if event not in standing]  # fmt: skip
+    known.sort(key=lambda one: one[0]["receive_time_ns"])
+    chosen: list[int] = []
+    for k in sorted(range(len(known)), key=lambda k: (_rank(known[k][0]), -k)):
+        if (needed := _lines_of(_told(*known[k]), width - CLOCK_COLUMNS)) <= lines:
+            chosen, lines = [*chosen, k], lines - needed
+        if lines <= 0:
+            break
+    table = Table.grid()
+    table.add_column(width=CLOCK_COLUMNS, style=FAINT, no_wrap=True)
+    table.add_column(overflow="fold")
+    for k in sorted(chosen):
+        event, name = known[k]
+        table.add_row(time_of_day(event["receive_time_ns"]), _told(event, name))
+    return table
 
 
-def _overview(statuses: Sequence[VesselStatus]) -> Group:
-    """One line per vessel, the essentials; below, the latest events of all."""
+def _rank(event: Message) -> int:
+    """Which events come first: of model and sensors, and warnings; then others, requests last."""
+    if event["kind"].startswith(BEARING) or event["severity"] in ("warning", "error"):
+        return 0
+    return 2 if event["kind"] in ROUTINE else 1
+
+
+def _told(event: Message, name: str) -> Text:
+    """What happened, of which vessel if `name` is given."""
+    text = f"{name}: {one_line(event['says'])}" if name else one_line(event["says"])
+    return Text(text, style=STYLES.get(event["severity"], WARN))
+
+
+def _overview(statuses: Sequence[VesselStatus], width: int, height: int) -> Group:
+    """One line per vessel, the essentials; below, what stands of models that are not right, and
+    events in the lines that are left.
+    """
     table = Table(box=None, padding=(0, 1), pad_edge=False)
-    table.add_column("vessel", no_wrap=True, max_width=24)
-    for name in ("", "kn", "°", "off m", "missing σ", "silent s", "Hz", "loss %"):
+    table.add_column("vessel", no_wrap=True, max_width=18)
+    for name in ("model", "kn", "°", "off m", "missing σ", "silent s", "Hz", "loss %"):
         table.add_column(name, justify="right", no_wrap=True)
     for status in statuses:
         table.add_row(*_line(status))
-    events = [(event["receive_time_ns"], p.name, event) for p in statuses for event in p.events]
-    events.sort(key=lambda entry: entry[0])
-    return Group(table, *(_event(event, name) for _, name, event in events[-EVENTS_SHOWN:]))
+    odd = [text for status in statuses for text in _odd(status)]
+    left, told = height - _lines_of(table, width), list[Text]()
+    while odd and (needed := _lines_of(odd[0], width)) <= left - (len(odd) > 1):
+        told, odd, left = [*told, odd[0]], odd[1:], left - needed
+    if odd:
+        told, left = (
+            [*told, Text(f"and {len(odd)} more: `shadow monitor NAME` shows one", style=FAINT)],
+            left - 1,
+        )
+    return Group(table, *told, _events(statuses, width, left))
+
+
+def _odd(status: VesselStatus) -> list[Text]:
+    """What stands of a vessel whose model is wrong or cannot be judged, with its name."""
+    standing = standing_of(status)
+    if standing.verdict is not Verdict.WRONG:
+        told = [Text(one_line(standing.unfit), style=WARN)] if standing.unfit else []
+    else:
+        told = _judgement(standing)
+    return [Text.assemble((f"{status.name}: ", "bold"), text) for text in told]
 
 
 def _line(status: VesselStatus) -> list[RenderableType]:
@@ -255,7 +340,7 @@ def _line(status: VesselStatus) -> list[RenderableType]:
     residual, health = status.message("residual"), status.message("health")
     cells: list[RenderableType] = [
         Text(status.name, style="bold"),
-        Text("●", style=GOOD) if status.alive else Text("○", style=BAD),
+        _dot(status),
     ]
     cells += ["·", "·"] if boat is None else [_number(_knots(boat), 2), _heading(boat["yaw_rad"])]
     cells.append("·" if off is None else _number(math.hypot(off["north_m"], off["east_m"]), 2))
@@ -264,6 +349,17 @@ def _line(status: VesselStatus) -> list[RenderableType]:
     cells.append(_number(status.rate_hz, 0))
     cells.append("·" if health is None else _number(100 * health["loss"], 1))
     return cells
+
+
+def _dot(status: VesselStatus) -> Text:
+    """Whether a vessel is there, and its model right."""
+    if not status.alive:
+        return Text("○ gone", style=BAD)
+    standing = standing_of(status)
+    if standing.unfit:
+        return Text("● ?", style=WARN)
+    style = {Verdict.RIGHT: GOOD, Verdict.WRONG: f"bold {WARN}"}.get(standing.verdict, FAINT)
+    return Text(f"● {standing.verdict.value}", style=style)
 
 
 def _knots(boat: Message) -> float:
@@ -284,6 +380,11 @@ def _degrees(value: float, letters: str) -> str:
 def _heading(yaw: float) -> str:
     """Radians -> 0 to 360 degrees; a question mark for what is no number."""
     return f"{math.degrees(yaw) % 360.0:05.1f}" if math.isfinite(yaw) else "?"
+
+
+def _spread(std: float, digits: int) -> str:
+    """A standard deviation in five columns: without digits where it is large."""
+    return _number(std, digits if abs(std) < LARGE_STD else 0)
 
 
 def _number(value: float, digits: int) -> str:

@@ -2,11 +2,13 @@
 
 from pathlib import Path
 
-from gateway.errors import shell_path
-from gateway.ingest.log import not_a_boat
+from gateway.errors import BadInput, shell_path
+from gateway.ingest.log import Log, not_a_boat
 from gateway.ingest.mapping import THRUST_FUNCTIONS
+from gateway.ingest.mavlink.log import MavlinkLog
 from gateway.ingest.px4_outputs import named_only
 from gateway.ingest.survey import BoatSurvey, Survey
+from gateway.vessel_file import ENCLOSED_VESSEL, load_vessel
 
 BOAT = Path("boat.toml")  # the name that commands are suggested with
 
@@ -16,15 +18,37 @@ def main_boat(found: Survey) -> BoatSurvey:
     return max(found.boats, key=lambda boat: boat.seconds)
 
 
+def holds_vessel(log: Log) -> bool:
+    """Is it a recording of the gateway's, with a vessel file that needs no effects beside it?"""
+    ours = log.recording if isinstance(log, MavlinkLog) else None
+    if ours is None or ENCLOSED_VESSEL not in ours.attachments:
+        return False
+    try:
+        load_vessel(ours.path)
+    except BadInput:  # effects of somebody's own
+        return False
+    return True
+
+
 def after_info(
-    found: Survey, unusable: str = "", mapping: Path | None = None, system: int | None = None
+    found: Survey,
+    unusable: str = "",
+    mapping: Path | None = None,
+    system: int | None = None,
+    holds_vessel: bool = False,
 ) -> str:
     """What can be done with a recording that was looked at; `unusable`: why nothing can be compared
-    in it, empty where something can.
+    in it, empty where something can; `holds_vessel`: the gateway made it, its vessel file is in it.
     """
     one = main_boat(found)
     system = one.boat.system if len(found.boats) > 1 else system
     words = log_words(found.path, system, bool(not_a_boat(one.boat)), mapping)
+    if holds_vessel and not unusable:
+        held = shell_path(found.path)
+        return (
+            "compare it with the vessel file that it holds, or with a better one:\n"
+            f"  shadow compare {words} --vessel {held}"
+        )
     has_motors = any(actuator.kind in THRUST_FUNCTIONS for actuator in one.actuators)
     init = f"shadow init {words} --out {_free_name()}"
     compare = f"shadow compare {words} --vessel {BOAT}"

@@ -20,7 +20,7 @@ from gateway.vessel_tables import RudderTable, ThrusterTable, VesselFile
 
 if TYPE_CHECKING:  # `shadow info` needs none of them
     from gateway.offline.export import Exported
-    from gateway.offline.replay_summary import ReplaySummary
+    from gateway.offline.replay_summary import ReplaySummary, Warned
     from gateway.offline.report import ReportFile
     from gateway.offline.simulate import SimulationResult
 
@@ -126,7 +126,7 @@ def show_initial_vessel(
 
 
 CHANNELS = ("x", "y", "psi", "u", "v", "r")
-MOST_WARNINGS = 4  # that are printed
+MOST_WARNINGS = 8  # that are printed
 
 
 def show_replay(summary: "ReplaySummary") -> None:
@@ -153,15 +153,24 @@ def show_replay(summary: "ReplaySummary") -> None:
     for note in summary.notes:
         out.print(f"note: {note}", highlight=False, markup=False)
     warnings = list(dict.fromkeys(summary.warnings))
-    for warning in warnings[:MOST_WARNINGS]:
-        out.print(f"! {warning}", highlight=False, markup=False)
+    for warned in _told_first(warnings):
+        mark = "" if warned.over else "! "
+        out.print(f"{mark}{warned.says}", highlight=False, markup=False)
     for path in summary.recordings:
         out.path("recorded", path)
     more = len(warnings) - MOST_WARNINGS
     if summary.recordings and more > 0:
         file = shell_path(summary.recordings[0])
-        warned = counted(more, "more warning")
-        out.print(f"{warned}: shadow info --events {file}", markup=False)
+        others = counted(more, "more warning")
+        out.print(f"{others}: shadow info --events {file}", markup=False)
+
+
+def _told_first(warnings: "Sequence[Warned]") -> "list[Warned]":
+    """Those that are printed: of many the first ones, and how it ended with the model."""
+    if len(warnings) <= MOST_WARNINGS:
+        return list(warnings)
+    first, later = warnings[: MOST_WARNINGS - 1], warnings[MOST_WARNINGS - 1 :]
+    return [*first, next((one for one in reversed(later) if one.judges), later[0])]
 
 
 def show_export(done: "Exported") -> None:

@@ -110,9 +110,21 @@ def test_three_tries_further_and_further_apart_then_no_answer(play):
     asks, _, says = play.due()
     assert asks == [("SYSTEM_TIME", 0)]
     assert says == [
-        "system 1: ATTITUDE at 50 Hz: no answer: "
-        "a boat that takes signed frames alone answers with --signing-key"
+        "system 1: ATTITUDE at 50 Hz: no answer: the link may go one way only (then --silent), or "
+        "the boat takes signed frames alone (then --signing-key)"
     ]
+
+
+def test_why_nothing_answers_is_told_once_also_after_a_reboot(play):
+    told = []
+    for moment in range(60):
+        told += play.due()[2]
+        play.wait(1)
+        if moment == 30:
+            play.requests = play.requests.rebooted(BOAT, play.now)
+    assert len(told) == 4
+    assert "one way" in told[0]
+    assert [line.split(": ")[2:] for line in told[1:]] == [["no answer"]] * 3
 
 
 def test_a_boat_that_has_answered_before_needs_no_key(play):

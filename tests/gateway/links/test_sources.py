@@ -111,6 +111,9 @@ def test_live_says_that_it_dials_where_it_does(monkeypatch):
         def unfinished(self):
             return []
 
+        def left(self):
+            return []
+
     said = []
     for name, stand_in in (
         ("Gateway", Nothing), ("stop_on_signals", lambda: None), ("gc", MagicMock()),

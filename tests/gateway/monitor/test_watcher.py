@@ -7,9 +7,10 @@ import sys
 import pytest
 
 from gateway.bus import Bus, BusSettings, open_session
-from gateway.monitor import VesselSubscriber, join_bus
+from gateway.monitor import JUDGING, Judged, VesselSubscriber, join_bus, judged_in
+from sim.monitoring.alarm import ModelEvent
 from tests.conftest import ROOT
-from tests.gateway.monitor.statuses import free_endpoint, wait
+from tests.gateway.monitor.statuses import SECOND, free_endpoint, message, wait
 from tests.gateway.test_schemas import some_message
 
 
@@ -45,6 +46,52 @@ def test_a_vessel_that_only_answers_is_asked(endpoint: str) -> None:
     assert found[0].alive
     assert found[0].message("measured") == json.loads(payload)
     assert found[0].age_s() is None
+
+
+def told(kind: str, second: int) -> bytes:
+    """An event of a gateway."""
+    return json.dumps(message("event", kind=kind, receive_time_ns=second * SECOND)).encode()
+
+
+def test_what_was_last_said_of_the_model_is_known_however_late_one_comes(endpoint: str) -> None:
+    wrong = json.loads(told("model_explained", 1))
+    with Bus(
+        "otter",
+        status=lambda: json.dumps({"judged": wrong}).encode(),
+        settings=BusSettings(endpoint),
+    ) as bus:
+        for k in range(9):
+            bus.publish("event", told("rate_request", 2 + k))
+        session = wait(lambda: join_bus(endpoint, None))
+        with session, VesselSubscriber(session) as subscriber:
+            (late,) = wait(lambda: [s for s in subscriber.statuses() if s.judged])
+            wait(lambda: bus.wants("event"))
+            assert late.judged == Judged(wrong)
+            assert late.to_dict()["judged"] == wrong
+            bus.publish("event", told("model_right", 20))
+            for k in range(30):
+                bus.publish("event", told("rate_request", 21 + k))
+            (after,) = wait(lambda: [s for s in subscriber.statuses() if s.event_count > 30])
+            bus.publish("event", told("started", 60))
+            (anew,) = wait(lambda: [s for s in subscriber.statuses() if s.judged == Judged()])
+    assert after.judged is not None
+    assert after.judged.event == json.loads(told("model_right", 20))
+    assert anew.judged == Judged()
+
+
+@pytest.mark.parametrize(
+    ("answer", "judged"),
+    [(b"{}", None), (b"[1]", None), (b"\xff", None), (b'{"judged": {"kind": "model_wrong"}}', None),
+     (b'{"judged": null}', Judged())],
+)  # fmt: skip
+def test_a_status_that_says_nothing_of_the_model_is_none(
+    answer: bytes, judged: Judged | None
+) -> None:
+    assert judged_in(answer) == judged
+
+
+def test_the_events_that_judge_are_those_of_the_model() -> None:
+    assert {event.value for event in ModelEvent} == JUDGING
 
 
 def test_the_example_in_twenty_lines_works(endpoint: str) -> None:

@@ -5,12 +5,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import orjson
 import pytest
 
 from gateway.config import FollowingSettings
 from gateway.errors import BadInput, ShadowError
 from gateway.links import Datagram, LinkEvent, LinkEventKind
 from gateway.live.boats import BoatPlan, Fleet, sender
+from gateway.monitor import decode
 from gateway.recording.reader import Recording
 from gateway.recording.recorder import TICK_LINK
 from gateway.shadow.topic_rows import EventRow
@@ -359,8 +361,55 @@ def test_what_was_wrong_before_a_reboot_is_judged_anew(wrong: bool) -> None:
     boat._model_monitor = monitor._replace(alarm=replace(monitor.alarm, misfit=misfit))
     told = boat._restart(4_000_000_000).events
     assert [event.kind for event in told] == ["reboot", *(["model_right"] if wrong else [])]
+    assert boat.judged == (told[1] if wrong else None)
     assert not boat._model_monitor.alarm.misfit.wrong
     assert boat._model_monitor.alarm.misfit.level == 0.0
+
+
+SAYS = "since 14:32:05 UTC the model is wrong (after 5 s off by 0.18 m/s ahead): looks like drag"
+
+
+def test_the_status_tells_by_which_event_the_model_was_judged_last() -> None:
+    """A monitor that came late saw a bus that keeps one event, and that was of a request."""
+    with Deck() as deck:
+        deck.hear(datagrams(played(3.0)))
+        (boat,) = deck.gateway.fleet.boats.values()
+        assert orjson.loads(deck.gateway._status(boat)())["judged"] is None
+        wrong = EventRow(1, 2, "model_explained", "warning", SAYS)
+        boat._with_events([], [wrong, EventRow(3, 4, "jump", "warning", "it jumped")])
+        status = orjson.loads(deck.gateway._status(boat)())
+    assert decode("event", orjson.dumps(status["judged"])) == {
+        "vehicle_time_ns": 1, "receive_time_ns": 2, "kind": "model_explained",
+        "severity": "warning", "says": SAYS,
+    }  # fmt: skip
+
+
+def test_the_end_tells_where_recordings_are_and_what_stands_of_the_model(
+    tmp_path: Path,
+) -> None:
+    """ "finished" alone was said of a model that had been wrong for a minute."""
+    with Deck(out=tmp_path) as deck:
+        deck.hear(datagrams(played(3.0)))
+        (boat,) = deck.gateway.fleet.boats.values()
+        boat._with_events([], [EventRow(1, 2, "model_explained", "warning", SAYS)])
+        (outputs,) = deck.gateway.outputs.values()
+    path = next(tmp_path.glob("*.mcap"))
+    assert deck.gateway.left() == [f"recorded: {path}", f"wam-v, at the end: {SAYS}"]
+    assert [line.level for line in deck.gateway.left()] == ["info", "warning"]
+    path.unlink()
+    assert outputs.paths == ()
+
+
+@pytest.mark.parametrize("seconds", [3, 60])
+def test_at_the_end_a_model_is_only_said_to_be_right_where_it_was_judged(seconds: int) -> None:
+    with Deck() as deck:
+        deck.hear(datagrams(played(3.0)))
+        (boat,) = deck.gateway.fleet.boats.values()
+    monitor = boat._model_monitor
+    estimate = replace(monitor.alarm.estimate, count=seconds)
+    boat._model_monitor = monitor._replace(alarm=replace(monitor.alarm, estimate=estimate))
+    told = ["wam-v, at the end: the model was not found wrong"] if seconds == 60 else []
+    assert deck.gateway.left() == told
 
 
 def test_breaks_of_the_estimate_are_printed_now_and_then() -> None:

@@ -85,6 +85,7 @@ def test_it_ends_cleanly_and_soon_and_what_ran_runs_again(
     assert live.process.returncode == 0
     assert live.told[-1] == "finished"
     (path,) = live.recordings
+    assert f"recorded: {path}" in live.told
     assert Recording.open(path).finished
     live_rows, relived_rows = recorded(path), again(path)
     for topic in COMPARED:

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from mcap.writer import Writer
 
 from gateway.commands.recordings import info
 from gateway.errors import shell_path
@@ -14,12 +15,15 @@ from gateway.ingest.survey import Survey, survey
 from gateway.offline.trials import why_unusable
 from gateway.offline.vessel import init_vessel
 from gateway.terminal.next_step import after_info, after_init, log_words
+from gateway.vessel_file import load_vessel
 from tests.conftest import ROOT
 from tests.gateway.command_line import Run, one_line
 from tests.gateway.ingest.scripted import heartbeat
 from tests.gateway.ingest.ulog_writer import as_ulog
 from tests.gateway.offline.test_replay import TABLE_COLUMNS
+from tests.gateway.pipelines.aboard import Deck, datagrams, played
 from tests.gateway.pipelines.sailing import parameters, tlog, voyage
+from tests.sim.vessels import WAMV
 
 PIECE = ROOT / "recordings" / "otter_piece.tlog"
 COMMANDED = TABLE_COLUMNS + 'channel_1 = { column = "left", unit = "us" }\n'
@@ -171,6 +175,32 @@ def test_options_that_a_log_needs_are_there(tmp_path: Path) -> None:
     assert "--system 7 --anyway" in text
     assert "--system 9" in after_info(found, system=9)  # it was chosen
     assert log_words("a b.tlog", 3, True) == "'a b.tlog' --system 3 --anyway"
+
+
+def test_a_recording_of_the_gateway_is_compared_with_the_vessel_that_it_holds(
+    run: Run, tmp_path: Path
+) -> None:
+    """ "write boat.toml" was said of one that `shadow live` had made with a vessel file."""
+    with Deck(out=tmp_path / "my lake") as deck:
+        deck.hear(datagrams(played(40.0)))
+    (path,) = (tmp_path / "my lake").glob("*.mcap")
+    out = run("info", path).out
+    assert "boat.toml" not in out
+    command = out.split("or with a better one:\n")[1].splitlines()[0]
+    words = shlex.split(command)
+    assert words == ["shadow", "compare", str(path), "--vessel", str(path)]
+    assert run(*words[1:]).status == 0
+    assert load_vessel(path).dynamics == WAMV.dynamics
+
+
+def test_a_recording_without_a_vessel_is_none(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "empty.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        writer.finish()
+    done = run("compare", ROOT / "recordings" / "voyage_1.tlog", "--vessel", path)
+    one_line(done, 2, "this recording holds no vessel file: give one (TOML)")
 
 
 def test_info_shows_it(tmp_path: Path, capsys) -> None:  # type: ignore[no-untyped-def]
