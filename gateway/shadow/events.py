@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.estimation import Flag
+from gateway.estimation import Flag, MeasurementKind
 from gateway.estimation.filter import FilterRows
 from gateway.shadow import FilterInputs
 from gateway.shadow.driven import DrivenOutputs
@@ -175,7 +175,12 @@ _LIMITS: _Words = {
     True: ("limits_bind", "warning", "the plant's thrust limits bind: it cannot follow"),
     False: ("limits_free", "info", "the plant's thrust limits no longer bind"),
 }
-_JUMP = ("jump", "warning", "the source jumped: a discontinuity, not motion")
+_JUMPED = {
+    MeasurementKind.YAW: "heading",
+    MeasurementKind.POSITION: "position",
+    MeasurementKind.VELOCITY: "velocity",
+    MeasurementKind.BODY_VELOCITY: "velocity",
+}
 _DIVERGED = (
     "shadow_diverged",
     "error",
@@ -357,9 +362,17 @@ def _changes(
 
 def _breaks(inputs: FilterInputs, rows: FilterRows, first: int) -> list[EventRow]:
     """Jumps and restarts; before the first estimate there is nothing to interrupt."""
+    words = [(k, _jump(inputs.events.kind[k])) for k in np.flatnonzero(discontinuous(inputs, rows))]
+    words += [(k, _RESTART) for k in np.flatnonzero(rows.has(Flag.RESTART))]
     return [
-        EventRow(int(inputs.vehicle_time_ns[k]), int(inputs.receive_time_ns[k]), *words)
-        for at, words in ((discontinuous(inputs, rows), _JUMP), (rows.has(Flag.RESTART), _RESTART))
-        for k in np.flatnonzero(at)
+        EventRow(int(inputs.vehicle_time_ns[k]), int(inputs.receive_time_ns[k]), *what)
+        for k, what in words
         if k >= first
     ]
+
+
+def _jump(kind: int) -> tuple[str, str, str]:
+    """What jumped: a step of it, or a turn too quick for the rate at which it is told."""
+    what = _JUMPED[MeasurementKind(kind)]
+    text = f"the reported {what} jumped, or moved more quickly than it is told: it is taken over"
+    return "jump", "warning", text

@@ -33,7 +33,8 @@ JUMP_BACK_RAD = 0.09
 JUMP_MEMORY_S = 5.0
 JUMP_HELD_S = 120.0
 GYRO_SLACK_S = 0.25  # of the turn rate: low-pass, scale, time stamps; real logs need as much
-CONFIRMED_S = 0.5  # a jump: until then it may be one wild value
+CONFIRMED_S = 0.5  # a jump: until then it may be one wild value …
+MIN_HEADINGS_TO_CONFIRM = 1.5  # … or the start of a turn, of headings that are as far apart
 MAX_ANGLE_RAD = 1e4  # beyond it a heading or turn rate is a damaged field
 MAX_YAW_GAP_S = 0.5  # between headings, for the gyro to be compared
 FROZEN_S, FROZEN_COUNT = 3.0, 8
@@ -130,12 +131,12 @@ Z0, Z1, TIME, CHANGED, SAME, TURNED_THEN = range(6)
 # … and places of the rest: rate and integral of the gyro, that at the last heading, the heading's
 # sum of jumps (forgotten, and since it jumped), when it jumped, a fix was seen, the last fault, …,
 # mean turn rate and how far it has been from that, since when fix or EKF are reported to be ill, …
-# when outputs were last told of, for how long others have talked since, the last event, and how far
-# apart outputs are told at most and on average
+# when outputs were last told of, for how long others have talked since, the last event, how far
+# apart outputs are told at most and on average, and how long a jump waits to be confirmed
 (
     TURN, ANGLE, ANGLE_THEN, LEAK, OFFSET, JUMPED, HAD_FIX, UNFIT, BITS, SPEED, MEAN, SPREAD,
-    STATUS, HEARD, DEAF, LAST, APART, MEAN_APART,
-) = range(18)  # fmt: skip
+    STATUS, HEARD, DEAF, LAST, APART, MEAN_APART, WAIT,
+) = range(19)  # fmt: skip
 
 
 @compiled
@@ -182,10 +183,12 @@ def note_heading(kinds: Floats, rest: Floats, time: float, yaw: float) -> None:
             if np.abs(rest[OFFSET]) < JUMP_BACK_RAD or lasted > JUMP_HELD_S:
                 rest[JUMPED] = np.inf
                 rest[LEAK] = 0.0
-            elif lasted < CONFIRMED_S and np.abs(rest[OFFSET]) < least:
+            elif lasted < rest[WAIT] and np.abs(rest[OFFSET]) < least:
                 rest[JUMPED] = np.inf  # the gyro, a moment later, explains it after all
         elif np.abs(rest[LEAK]) > least:
             rest[JUMPED], rest[OFFSET] = time, rest[LEAK]
+            # the rate of that very moment is told after the heading: the next one has it
+            rest[WAIT] = max(CONFIRMED_S, MIN_HEADINGS_TO_CONFIRM * step)
     elif step > MAX_YAW_GAP_S:
         rest[LEAK] = 0.0
     rest[ANGLE_THEN] = angle
@@ -293,7 +296,7 @@ def check_events(
         if status and now - rest[STATUS] >= STATUS_CONFIRMED_S:
             bits |= status
         jumped = now - rest[JUMPED]
-        if jumped >= CONFIRMED_S:
+        if jumped >= max(CONFIRMED_S, rest[WAIT]):
             bits |= COMPASS
         if what != TICK:
             note_outputs(rest, now, heard[k])
@@ -340,7 +343,7 @@ class SensorMemory:
         if kinds is None or rest is None:
             kinds = np.zeros((len(FROZEN_BIT), 6))
             kinds[:, Z0], kinds[:, TIME] = np.nan, -np.inf
-            rest = np.zeros(18)
+            rest = np.zeros(19)
             rest[JUMPED], rest[UNFIT], rest[STATUS] = np.inf, -np.inf, np.inf
             rest[HEARD], rest[LAST], rest[APART] = np.nan, np.nan, SLOW_UNHEARD_S
         self._kinds, self._rest = kinds, rest

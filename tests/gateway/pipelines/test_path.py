@@ -16,7 +16,7 @@ from gateway.shadow.events import EventDetector
 from gateway.shadow.health import LogHealth
 from gateway.shadow.path import LOST_S, STALE_S, ShadowPath, ShadowRows, discontinuous
 from gateway.shadow.sensor_checks import SETTLE_S
-from gateway.shadow.topic_rows import event_rows, topic_rows
+from gateway.shadow.topic_rows import EventRow, event_rows, topic_rows
 from sim.effects.effect import Effect, Parameter, Scope
 from sim.following.follower import FollowerOptions, Reference, ReferenceMode, VesselFollower
 from sim.model import Model
@@ -180,6 +180,12 @@ def test_nothing_is_missing_from_the_right_model_but_noise() -> None:
 
 def flagged(*flags: Flag) -> tuple[Any, Any, list[str]]:
     """A voyage with these flags on its first rows of each kind after the start -> what is told."""
+    feed, rows, told = events_of(*flags)
+    return feed, rows, [h.kind for h in told]
+
+
+def events_of(*flags: Flag) -> tuple[Any, Any, list[EventRow]]:
+    """The same with the events themselves."""
     given, path = material(NEVER), path_of(ReferenceMode.MEASURED)
     _, out, filtered = path.advance(path.start(), given.feed)
     raised = filtered.flags.copy()
@@ -187,7 +193,15 @@ def flagged(*flags: Flag) -> tuple[Any, Any, list[str]]:
         raised[200:204] |= int(flag)  # yaw, yaw rate, velocity, position
     changed = replace(filtered, flags=raised)
     _, told = EventDetector().observe(given.feed, changed, out)
-    return given.feed, changed, [h.kind for h in told]
+    return given.feed, changed, told
+
+
+def test_what_jumped_is_told() -> None:
+    """ "The source jumped" was told of a compass, and of a turn told twice a second."""
+    _, _, told = events_of(Flag.JUMP)
+    assert [h.text.partition(" jumped")[0] for h in told if h.kind == "jump"] == [
+        "the reported heading", "the reported velocity", "the reported position"
+    ]  # fmt: skip
 
 
 def test_a_sharp_turn_is_no_discontinuity() -> None:

@@ -388,6 +388,18 @@ def test_a_turn_that_a_slow_gyro_or_a_thin_stream_blurs_is_no_jump(
     assert not (bits & SensorFault.COMPASS).any()
 
 
+def test_a_turn_that_begins_between_two_headings_half_a_second_apart_is_no_jump() -> None:
+    """The rate of that moment is told after the heading; the next heading agrees with it."""
+    time = np.arange(0.0, 60.0, 0.5)
+    begins = 20.0 + np.array([0.0, 0.5, 1.0, 1.5, 2.0, 2.5])
+    rates = np.interp(time, begins, np.radians([-0.1, -6.7, -50.0, -55.7, -38.5, -10.0]), 0.0, 0.0)
+    yaw = np.interp(time, begins, np.radians([0.0, -0.6, -19.5, -47.3, -70.3, -91.0]))
+    yaw = yaw + 1e-3 * np.random.default_rng(0).standard_normal(len(time))
+    assert not (faults(inputs(yaw, rates, hz=2.0)) & SensorFault.COMPASS).any()
+    yaw[time > 40.0] += 0.5  # a compass that jumps is told, if later
+    assert (faults(inputs(yaw, rates, hz=2.0)) & SensorFault.COMPASS).any()
+
+
 @pytest.mark.parametrize("step", [0.05, 0.6])
 def test_only_a_jump_that_no_filter_would_make_counts(step: float) -> None:
     yaw, rate = turning(300)
