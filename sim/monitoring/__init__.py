@@ -70,26 +70,29 @@ class SecondMeans:
 
 @dataclass(frozen=True)
 class Balance:
-    """Balance of a vessel (3,) in still and in moving water, slopes (3, 3) in the moving.
+    """Slopes of a vessel's balance in water that moves.
 
-    slope_nu  ∂F/∂ν                slope_nu_dot  ∂F/∂ν̇
+    slope_nu  (3, 3)  ∂F/∂ν              slope_nu_dot  (3, 3)  ∂F/∂ν̇
+    slope_yaw (3,)    ∂F/∂ψ: of a vessel file with a current or a wind in it
     """
 
-    still_water: Floats
-    moving_water: Floats
     slope_nu: Floats
     slope_nu_dot: Floats
+    slope_yaw: Floats
 
     @classmethod
     def of(cls, F: Floats) -> "Balance":
-        """From balances (>= 8, 3) of the motions of `causes.write_motions`."""
+        """From balances (>= 9, 3) of the motions of `causes.write_motions`."""
         slopes = (F[2:BALANCES] - F[1]).T / DIFFERENCE_STEP
-        return cls(F[0], F[1], slopes[:, :3], slopes[:, 3:])
+        return cls(slopes[:, :3], slopes[:, 3:6], slopes[:, 6])
 
     @cached_property
     def system_matrix(self) -> Floats:
-        """∂ν̇/∂ν of the free vessel: (3, 3) [1/s and mixed]."""
-        return np.asarray(-np.linalg.solve(self.slope_nu_dot, self.slope_nu), dtype=float)
+        """∂(ν̇, ψ̇)/∂(ν, ψ) of the free vessel: (4, 4) [1/s and mixed]."""
+        A, slopes = np.zeros((4, 4)), np.column_stack([self.slope_nu, self.slope_yaw])
+        A[:3] = -np.linalg.solve(self.slope_nu_dot, slopes)
+        A[3, Nu.R] = 1.0
+        return A
 
 
 def world_to_body(world: Floats, yaw: float) -> Floats:
@@ -104,15 +107,10 @@ def current_shift(current: Floats, second: SecondMeans) -> Floats:
     return np.array([u_c, v_c, 0.0, r * v_c, -r * u_c, 0.0])
 
 
-def balance_at(model: Model, second: SecondMeans, current: Floats = NO_CURRENT) -> Balance:
-    """The balance of a vessel in still water and in a current, with its slopes there."""
-    return Balance.of(balances_at(model, second, current))
-
-
 def balances_at(
     model: Model, second: SecondMeans, current: Floats, compass: float | None = None
 ) -> Floats:
-    """Balances (8, 3), with a compass error [rad] (10, 3), of the motions of `write_motions`."""
+    """Balances (9, 3), with a compass error [rad] (11, 3), of the motions of `write_motions`."""
     count = BALANCES if compass is None else WITH_COMPASS
     motions, commands = np.empty((count, 9)), np.empty((count, len(second.commands)))
     write_motions(second.motion, current, compass or 0.0, motions)

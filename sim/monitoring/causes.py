@@ -55,7 +55,9 @@ WIND_SHARE = 0.1  # of a wind's speed, standard deviation: its areas and coeffic
 WIND_STEP = 0.15  # of the prior: near g = 0 a slope on the spot would be that of a root
 
 BOAT_ERRORS = 10  # components of b, see `write_boat_errors`
-BALANCES = 8  # motions whose balance the slopes take: as reported, in the water, six steps from it
+BALANCES = (
+    9  # motions whose balance the slopes take: as reported, in the water, seven steps from it
+)
 WITH_COMPASS = BALANCES + 2  # … and turned by the compass's error, and a step more
 NOTHING, CURRENT, WIND, THRUST, COMPASS, DRAG, ANYTHING = map(int, Law)
 
@@ -84,8 +86,10 @@ def write_motions(motion: Floats, current: Floats, compass: float, out: Floats) 
             out[k, 4] -= v_c
             out[k, 6] -= r * v_c
             out[k, 7] += r * u_c
-        if 2 <= k < BALANCES:
+        if 2 <= k < BALANCES - 1:
             out[k, k + 1] += DIFFERENCE_STEP
+        elif k == BALANCES - 1:
+            out[k, 2] += DIFFERENCE_STEP
         elif k >= BALANCES:
             angle = compass + (k - BALANCES) * STEP_RAD
             c, s = np.cos(angle), np.sin(angle)
@@ -116,7 +120,7 @@ def write_boat_errors(
 
 @compiled
 def write_current_slope(motion: Floats, F: Floats, out: Floats, at: int) -> None:
-    """∂/∂c of F(ν) − F(ν − c) from the balances F (>= 8, 3) -> columns `at` and the next (3, 2)."""
+    """∂/∂c of F(ν) − F(ν − c) from the balances F (>= 9, 3) -> columns `at` and the next (3, 2)."""
     c, s, r = np.cos(motion[2]), np.sin(motion[2]), motion[5]
     for a in range(3):
         by_u, by_v = F[2, a] - F[1, a], F[3, a] - F[1, a]
@@ -210,7 +214,7 @@ def linearise(
 
     index   of the thruster
     second  motion (9,), commanded (3,), as in `SecondMeans`
-    F       (10 + T, 3) balances of the motions of `write_motions`; then of each thruster what all
+    F       (11 + T, 3) balances of the motions of `write_motions`; then of each thruster what all
             of its thrust more would add, at its present share
     """
     motion, commanded = second

@@ -4,7 +4,8 @@
     Φ = Φ_k … Φ_2 Φ_1,     Ψ_i = Φ_k … Φ_i+1,     Q_i = (M⁻¹ Δτ_i δ)²
 
 e is the error of a free prediction, P₀ and R the covariance of the estimate at its start and end,
-Φ_i = exp(A_i t) the linearised model over one second, s a size below which errors do not matter.
+Φ_i = exp(A_i t) the linearised model over one second, of velocities and heading (with which goes
+what a current in the vessel file does), s a size below which errors do not matter.
 Above its critical speed a hull is unstable on course: Φ grows there and so does the floor, and what
 comes of the start state is not put down to the model. Q is what a change of the commanded forces
 leaves when its moment is known to δ: servo outputs may come twice a second. z of a perfect model is
@@ -49,8 +50,9 @@ SUBSTEPS = 2**DOUBLINGS  # … so many of them
 MAX_FLOOR_STD = np.array([5.0, 5.0, 3.0])
 
 
-# Columns of a past second: variance (3,) of the estimate, Φ (3, 3) row by row, Q (3,)
-TRANSITION, COMMANDS, COLUMNS = 3, 12, 15
+# Columns of a past second: variance (3,) of the estimate, Φ (4, 4) row by row, Q (3,)
+STATES = 4  # u, v, r, ψ
+TRANSITION, COMMANDS, COLUMNS = 3, 3 + STATES**2, 6 + STATES**2
 NO_PAST = np.zeros((0, COLUMNS))
 NO_CHOP, UNKNOWN = np.zeros(3), np.full(3, np.nan)
 
@@ -67,7 +69,7 @@ class Misfit:
     changes  (3,) the same of half the squared change from second to second
     weight   of the sums
     wrong    after the hysteresis        since  when the level last rose above `RIGHT_BELOW` [s]
-    past     (K, 15) the last seconds, oldest first
+    past     (K, 22) the last seconds, oldest first
     commanded  (3,) a second ago, None at the start
     short_error  (3,) after one second, a second ago
     """
@@ -153,13 +155,14 @@ class Misfit:
 
 @compiled
 def write_second(variance: Floats, A: Floats, change: Floats, out: Floats) -> None:
-    """A second as `Misfit.past` keeps it: variance (3,), A (3, 3), M⁻¹ Δτ (3,) -> (15,)."""
+    """A second as `Misfit.past` keeps it: variance (3,), A (4, 4), M⁻¹ Δτ (3,) -> (22,)."""
     phi = transition(A)
     for i in range(3):
         out[i] = variance[i]
         out[COMMANDS + i] = (change[i] * COMMAND_TIMING_S) ** 2
-        for j in range(3):
-            out[TRANSITION + 3 * i + j] = phi[i, j]
+    for i in range(STATES):
+        for j in range(STATES):
+            out[TRANSITION + STATES * i + j] = phi[i, j]
 
 
 @compiled
@@ -168,7 +171,7 @@ def judge(
 ) -> tuple[float, int]:
     """Errors (H, 3) of the predictions over `horizons` (H,) that end now, beside what they may be.
 
-    past (K, 15), the newest second last; variance (3,) of the estimate, beside (3,) of what comes
+    past (K, 22), the newest second last; variance (3,) of the estimate, beside (3,) of what comes
     and goes within seconds -> mean of z, NaN where none counts, and the first horizon that does,
     else −1. floors (H, 3): the expected variances, NaN where a prediction began too early, or
     judges nothing.
@@ -196,7 +199,7 @@ def write_floor(past: Floats, variance: Floats, seconds: int, beside: Floats, ou
         for i in range(3):
             for j in range(3):
                 commands[i] += phi[i, j] ** 2 * one[COMMANDS + j]
-        phi = product(phi, one[TRANSITION:COMMANDS].reshape(3, 3))
+        phi = product(phi, one[TRANSITION:COMMANDS].reshape(STATES, STATES))
     before, judges = past[len(past) - 1 - seconds], True
     for i in range(3):
         out[i] = variance[i] + commands[i] + beside[i] + NEGLIGIBLE[i] ** 2
@@ -208,10 +211,10 @@ def write_floor(past: Floats, variance: Floats, seconds: int, beside: Floats, ou
 
 @compiled
 def transition(A: Floats) -> Floats:
-    """exp(A · 1 s) (3, 3), by Cayley's form of an eighth: scipy's takes milliseconds."""
+    """exp(A · 1 s) (4, 4), by Cayley's form of an eighth: scipy's takes milliseconds."""
     minus, phi = identity(), identity()
-    for i in range(3):
-        for j in range(3):
+    for i in range(STATES):
+        for j in range(STATES):
             minus[i, j] -= 0.5 * A[i, j] / SUBSTEPS
             phi[i, j] += 0.5 * A[i, j] / SUBSTEPS
     solve(minus, phi)
@@ -222,42 +225,42 @@ def transition(A: Floats) -> Floats:
 
 @compiled
 def identity() -> Floats:
-    """(3, 3)."""
-    out = np.zeros((3, 3))
-    for i in range(3):
+    """(4, 4)."""
+    out = np.zeros((STATES, STATES))
+    for i in range(STATES):
         out[i, i] = 1.0
     return out
 
 
 @compiled
 def product(a: Floats, b: Floats) -> Floats:
-    """a b (3, 3): in loops, numba takes seconds to compile `@`."""
-    out = np.zeros((3, 3))
-    for i in range(3):
-        for j in range(3):
-            for k in range(3):
+    """a b (4, 4): in loops, numba takes seconds to compile `@`."""
+    out = np.zeros((STATES, STATES))
+    for i in range(STATES):
+        for j in range(STATES):
+            for k in range(STATES):
                 out[i, j] += a[i, k] * b[k, j]
     return out
 
 
 @compiled
 def solve(a: Floats, b: Floats) -> None:
-    """b ← a⁻¹ b (3, 3) by Gauss with pivots, `a` is used up; not finite where it is singular."""
-    for k in range(3):
+    """b ← a⁻¹ b (4, 4) by Gauss with pivots, `a` is used up; not finite where it is singular."""
+    for k in range(STATES):
         pivot = k
-        for i in range(k + 1, 3):
+        for i in range(k + 1, STATES):
             if abs(a[i, k]) > abs(a[pivot, k]):
                 pivot = i
-        for j in range(3):
+        for j in range(STATES):
             a[k, j], a[pivot, j] = a[pivot, j], a[k, j]
             b[k, j], b[pivot, j] = b[pivot, j], b[k, j]
-        for i in range(k + 1, 3):
+        for i in range(k + 1, STATES):
             share = a[i, k] / a[k, k]
-            for j in range(3):
+            for j in range(STATES):
                 a[i, j] -= share * a[k, j]
                 b[i, j] -= share * b[k, j]
-    for k in range(2, -1, -1):
-        for j in range(3):
-            for i in range(k + 1, 3):
+    for k in range(STATES - 1, -1, -1):
+        for j in range(STATES):
+            for i in range(k + 1, STATES):
                 b[k, j] -= a[k, i] * b[i, j]
             b[k, j] /= a[k, k]

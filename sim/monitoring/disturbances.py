@@ -389,7 +389,7 @@ class DisturbanceEstimator:
         return second
 
     def _balances(self, estimate: DisturbanceEstimate, second: SecondMeans) -> Floats:
-        """Balances (10 + T, 3), T of each thruster and of all, that the laws take, where the
+        """Balances (11 + T, 3), T of each thruster and of all, that the laws take, where the
         estimate stands.
         """
         current = estimate.means[WATER, BOAT_ERRORS : BOAT_ERRORS + 2]
@@ -446,7 +446,7 @@ class DisturbanceEstimator:
         return np.asarray(noise * second.missing_std**2 + (MIN_NOISE * self.prior[:3]) ** 2)
 
     def water_model(self, second: SecondMeans, F: Floats, current: Floats) -> MeasurementModel:
-        """F(ν) − F(ν − c), and its slope against c; balances F (>= 8, 3) in that current."""
+        """F(ν) − F(ν − c), and its slope against c; balances F (>= 9, 3) in that current."""
         return self.linearised(self.all.which[WATER], current, second, F)
 
     def air_model(self, second: SecondMeans, g: Floats) -> MeasurementModel:

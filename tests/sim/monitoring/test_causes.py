@@ -88,8 +88,11 @@ def test_motions_in_water_that_moves_and_a_step_from_it_and_under_a_compass_that
     wet = motion - [0, 0, 0, 0.4, 0.0, 0.0, 0.0, -0.5 * 0.4, 0.0]
     np.testing.assert_allclose(out[1], wet, atol=1e-12)
     np.testing.assert_allclose(
-        out[2:BALANCES] - wet, DIFFERENCE_STEP * np.eye(9)[3:], atol=1e-12
+        out[2 : BALANCES - 1] - wet, DIFFERENCE_STEP * np.eye(9)[3:], atol=1e-12
     )  # u, v, r and their rates
+    np.testing.assert_allclose(
+        out[BALANCES - 1] - wet, DIFFERENCE_STEP * np.eye(9)[2], atol=1e-12
+    )  # the heading
     quarter = np.array([5.0, 6.0, HALF_PI, 1.0, 2.0, 0.5, -0.2, 0.1, 0.3])
     np.testing.assert_allclose(out[BALANCES], quarter, atol=1e-12)
     turn = np.array([0, 0, 0, -2.0, 1.0, 0, -0.1, -0.2, 0])  # ∂/∂ of the angle

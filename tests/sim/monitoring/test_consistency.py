@@ -13,7 +13,7 @@ from tests.sim.monitoring.live_seconds import seconds
 def linear(A: np.ndarray) -> Balance:
     """A balance with that system matrix."""
     mass = np.diag([126.0, 121.0, 70.0])
-    return Balance(np.zeros(3), np.zeros(3), -mass @ A, mass)
+    return Balance(-mass @ A, mass, np.zeros(3))
 
 
 SLOW = linear(-0.3 * np.eye(3))
@@ -101,11 +101,13 @@ def test_a_model_is_wrong_only_by_an_error_that_clearly_exceeds_the_noise() -> N
 
 
 def test_a_transition_is_that_of_the_linear_model() -> None:
-    A = np.array([[-0.4, 0.1, 0.0], [0.2, -0.8, 1.1], [0.0, 0.3, -2.5]])
-    x, h = np.array([1.0, -2.0, 0.5]), 1e-4
+    A = np.array([
+        [-0.4, 0.1, 0.0, 0.2], [0.2, -0.8, 1.1, -0.3], [0.0, 0.3, -2.5, 0.0], [0.0, 0.0, 1.0, 0.0]
+    ])  # fmt: skip
+    x, h = np.array([1.0, -2.0, 0.5, 0.3]), 1e-4
     for _ in range(round(1.0 / h)):
         x = x + h * A @ x
-    assert transition(A) @ np.array([1.0, -2.0, 0.5]) == pytest.approx(x, abs=0.02)
+    assert transition(A) @ np.array([1.0, -2.0, 0.5, 0.3]) == pytest.approx(x, abs=0.02)
 
 
 def after(errors: np.ndarray, short: np.ndarray | None = None) -> Misfit:
