@@ -45,7 +45,6 @@ TOLD = frozenset({
 JUDGING = frozenset(event.value for event in ModelEvent)
 # breaks of the estimate, printed too, but not all that one cause brings with it
 BREAKS, QUIET_NS = frozenset({"jump", "restart"}), 10 * SECOND
-JUDGED_ANEW = "what was wrong before the reboot is judged anew: it may have been its sensors"
 NEVER_WRONG = "the model was not found wrong"
 REBOOTED = "the autopilot rebooted: the estimate begins anew, and the shadow follows it again"
 
@@ -222,10 +221,9 @@ class LiveBoat:
         self._break_ns = now_ns
         times = self._vehicle_time(now_ns), now_ns
         events = [EventRow(*times, "reboot", "warning", REBOOTED)]
-        if self._model_monitor.alarm.misfit.wrong:
-            self.judged = EventRow(*times, ModelEvent.RIGHT.value, "info", JUDGED_ANEW)
-            events.append(self.judged)
-        self._model_monitor = self._model_monitor.rebooted()
+        self._model_monitor, judged = self._model_monitor.rebooted(times)
+        self.judged = judged[0] if judged else self.judged
+        events += judged
         return BoatOutput([event_rows(events)], None, tuple(events))
 
     def _note_times(self, inputs: FilterInputs, receive_time_ns: int) -> None:

@@ -270,18 +270,22 @@ def _log_steps(
     health = LogHealth.of(given.log, given.decoded)
     feed, log = given.feed, given.log
     frames = log.frames if isinstance(log, MavlinkLog) else ()
-    boots = [begin for begin, _ in given.decoded.sessions[1:]]
+    boots = _boot_rows(feed, [begin for begin, _ in given.decoded.sessions[1:]])
     start, first_frame = 0, 0
     chunk_s = PACE_S if pace else CHUNK_S
-    for end in _chunk_ends(feed, chunk_s, pace, APPLY_EVERY_NS if applies else None):
-        chunk = feed[start:end]
+    for end in _chunk_ends(feed, boots, chunk_s, pace, APPLY_EVERY_NS if applies else None):
+        chunk, rebooted = feed[start:end], list[EventRow]()
+        if start in boots:
+            times = int(chunk.vehicle_time_ns[0]), int(chunk.receive_time_ns[0])
+            monitor, judged = monitor.rebooted(times)
+            rebooted = [EventRow(*times, "reboot", "warning", "the autopilot rebooted"), *judged]
         if applies:
             monitor, path = taken_over(monitor, path, int(chunk.receive_time_ns[0]))
         state, out, filtered = path.advance(state, chunk)
         detector, events = detector.observe(chunk, filtered, out)
         rows = list(topic_rows(out, given.origin))
         monitor, monitored, warnings = monitor.observe(out)
-        rows += [*monitored, event_rows([*_reboots(chunk, boots), *events, *warnings])]
+        rows += [*monitored, event_rows([*rebooted, *events, *warnings])]
         rows.append(health.advance(chunk.receive_time_ns, filtered, out))
         last = end == len(feed)
         frame_end = len(frames) if last else int(chunk.order[-1]) + 1 if frames else 0
@@ -291,17 +295,11 @@ def _log_steps(
         progress(end / len(feed))
 
 
-def _reboots(chunk: FilterInputs, boots: list[int]) -> list[EventRow]:
-    """An event for each boot that has begun by the end of a chunk [ns of the boat's clock], which
-    is taken out of the list.
-    """
-    found = []
-    while boots and boots[0] <= chunk.vehicle_time_ns.max(initial=-1):
-        k = int(np.argmax(chunk.vehicle_time_ns >= boots[0]))
-        times = int(chunk.vehicle_time_ns[k]), int(chunk.receive_time_ns[k])
-        found.append(EventRow(*times, "reboot", "warning", "the autopilot rebooted"))
-        boots.pop(0)
-    return found
+def _boot_rows(feed: FilterInputs, boots: Sequence[int]) -> list[int]:
+    """The first row of each boot that began at those times of the boat's clock [ns]."""
+    latest = np.maximum.accumulate(feed.vehicle_time_ns)
+    rows = np.searchsorted(latest, np.array(boots, np.int64))
+    return sorted({int(k) for k in rows if k < len(feed)})
 
 
 def _frames_between(frames: Frames | tuple[()], start: int, end: int) -> LinkFrames:
@@ -331,14 +329,15 @@ def _live_steps(
 
 
 def _chunk_ends(
-    feed: FilterInputs, chunk_s: float, pace: Pace | None, cut_ns: int | None
+    feed: FilterInputs, boots: Sequence[int], chunk_s: float, pace: Pace | None, cut_ns: int | None
 ) -> Iterator[int]:
     """Where each chunk ends; at the recorded speed, each when its time has come.
 
-    Every multiple of `cut_ns` (by receipt) ends one, however long chunks are.
+    Each of `boots` (rows) begins one, and every multiple of `cut_ns` (by receipt) ends one, however
+    long chunks are.
     """
     period = feed.receive_time_ns // cut_ns if cut_ns else np.zeros(len(feed), np.int64)
-    turns = np.append(np.flatnonzero(np.diff(period)) + 1, len(feed))
+    turns = np.unique([*(np.flatnonzero(np.diff(period)) + 1), *boots, len(feed)])
     receive = (feed.receive_time_ns - feed.receive_time_ns[0]) * 1e-9
     since = np.maximum.accumulate(receive)  # the receiver's clock may have stepped back
     began, start = time.monotonic(), 0

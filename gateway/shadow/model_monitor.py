@@ -138,6 +138,7 @@ def _in_words(name: str) -> str:
     return f"the thrust of {name[7:]}" if name.startswith("thrust ") else f"the {name}"
 
 
+JUDGED_ANEW = "what was wrong before the reboot is judged anew: it may have been its sensors"
 SECOND_S = 1.0
 DOUBTFUL_S = 4  # seconds before a fault of the data is noticed, see `sensor_checks`
 MAX_STEP_S = 0.6  # between rows: a longer step leaves part of the second unknown
@@ -297,9 +298,14 @@ class ModelMonitor(NamedTuple):
         before = self.earlier[0] if self.earlier else now
         return before if before[0].misfit.wrong == self.alarm.misfit.wrong else now
 
-    def rebooted(self) -> "ModelMonitor":
-        """The boat's sensors began anew: the model is judged from now on."""
-        return self._replace(alarm=self.alarm.rebooted(), second=Second(), earlier=())
+    def rebooted(self, times: tuple[int, int]) -> tuple["ModelMonitor", list[EventRow]]:
+        """The boat's sensors began anew at these times (vehicle's, receipt) [ns]: the model is
+        judged from then on; what there is to say of it.
+        """
+        events = []
+        if self.alarm.misfit.wrong:
+            events = [EventRow(*times, ModelEvent.RIGHT.value, "info", JUDGED_ANEW)]
+        return self._replace(alarm=self.alarm.rebooted(), second=Second(), earlier=()), events
 
     def _event_row(self, out: ShadowRows, k: int, event: ModelEvent, before: Alarm) -> EventRow:
         since = (before if event is ModelEvent.RIGHT else self.alarm).misfit.since

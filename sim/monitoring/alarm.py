@@ -17,7 +17,7 @@ import numpy as np
 
 from sim.comparison import COMPASS
 from sim.monitoring import SecondMeans, WindModel, air_velocity
-from sim.monitoring.begun_anew import BegunAnew, of_what_is_known
+from sim.monitoring.begun_anew import BegunAnew, of_what_is_known, simpler
 from sim.monitoring.consistency import MIN_TIMES_FLOOR, Misfit
 from sim.monitoring.disturbances import (
     MAX_IDLE,
@@ -247,6 +247,9 @@ class Alarm:
         if better := next((one for one in anew if one.is_better(last_s)), None):
             estimate, anew, errors = better.estimate, (), errors.reopened()
             turned_at = second.time
+        elif fewer := simpler(anew, estimate, self.cause not in DOUBTS and not self._only_known):
+            estimate, anew, errors = fewer, (), errors.reopened()
+            turned_at = second.time
         now = replace(
             self, estimate=estimate, misfit=misfit, errors=errors, before=before, calm=calm,
             anew=anew, turned_at=turned_at, resting=not drives,
@@ -358,6 +361,11 @@ class Alarm:
             if one.cause is self.cause:
                 return one.estimate
         return self.estimate
+
+    @property
+    def _only_known(self) -> bool:
+        """Whether the cause is one of those that are taken as known."""
+        return any(one.cause is self.cause for one in self.estimate.beside)
 
     @property
     def beside(self) -> tuple[KnownCause, ...]:

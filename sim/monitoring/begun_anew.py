@@ -4,7 +4,8 @@ A filter that has followed one cause for minutes takes long to give it up: a dra
 current ends was called a current for five minutes. While the trouble lasts all explanations begin
 anew every `LASTS_S`, with the boat's own errors as they were before it: of all that is missing, and
 of what is left beside the causes that were told. They take over where one of them has predicted the
-seconds since then better than the best of those that go on by `MIN_SCORE_ANEW_NATS`.
+seconds since then better than the best of those that go on by `MIN_SCORE_ANEW_NATS`, and in place
+of causes that stand beside one another where fewer of them do as well.
 """
 
 from collections.abc import Sequence
@@ -28,6 +29,8 @@ from sim.monitoring.filters import SCORE_MEMORY_S
 LASTS_S = 30.0
 MIN_SCORE_ANEW_NATS = 12.0
 SOON_S, SOON_FACTOR = 120.0, 2.0  # that much more is asked, so soon after the last time
+MAX_SCORE_SIMPLER_NATS = 2.0  # by which fewer causes may predict worse, to take over
+MIN_DRIVEN_S = 20  # … with a motor that drives
 MAX_KNOWN = 2  # causes beside which another one is looked for
 
 
@@ -61,6 +64,20 @@ class BegunAnew:
         soon = since_last_s < SOON_S
         return self.gain >= MIN_SCORE_ANEW_NATS * (SOON_FACTOR if soon else 1.0)
 
+    @property
+    def fewest(self) -> int:
+        """Causes that it takes to predict as well as those that go on do: what is known, and one
+        more where nothing beside it does not.
+        """
+        as_well = self.estimate.boat.score - self.goes_on > -MAX_SCORE_SIMPLER_NATS
+        return len(self.estimate.beside) + (not as_well)
+
+    @property
+    def is_as_good(self) -> bool:
+        """Whether they predict as well, over time in which a motor drove."""
+        driven = self.estimate.driven >= MIN_DRIVEN_S
+        return driven and self.is_over and self.gain > -MAX_SCORE_SIMPLER_NATS
+
     def followed(
         self, estimator: DisturbanceEstimator, second: SecondMeans, before: DisturbanceEstimate,
         after: DisturbanceEstimate,
@@ -71,6 +88,22 @@ class BegunAnew:
         kept = np.exp(-min(after.time - before.time, MAX_SILENCE_S) / SCORE_MEMORY_S)
         gained = float(after.scores[best] - kept * before.scores[best])
         return replace(self, estimate=estimate, goes_on=kept * self.goes_on + gained)
+
+
+def simpler(
+    anew: Sequence[BegunAnew], now: DisturbanceEstimate, told: bool
+) -> DisturbanceEstimate | None:
+    """Fewer causes that predict as well as those told beside one another; None where none do.
+
+    Without it two causes that oppose one another stay for good: a drag, and motors that make up for
+    it. told: whether there is one beside what is known.
+    """
+    if not now.beside:
+        return None
+    fewer = [one for one in anew if one.is_as_good and one.fewest < len(now.beside) + told]
+    if not fewer:
+        return None
+    return min(fewer, key=lambda one: (one.fewest, -one.gain)).estimate
 
 
 def of_what_is_known(

@@ -244,7 +244,7 @@ class DisturbanceEstimate:
         return Cause.SEVERAL if len(likely) > 1 else likely[0]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class KnownCause:
     """A cause whose size is taken from an estimate, to look at what is left beside it."""
 

@@ -30,7 +30,7 @@ from gateway.offline.replay import (
 )
 from gateway.recording.reader import Recording
 from gateway.recording.recorder import RecordingSettings, TopicsKept
-from gateway.shadow.model_monitor import Adapt
+from gateway.shadow.model_monitor import JUDGED_ANEW, Adapt
 from gateway.topics import TOPICS
 from gateway.user_effects import load_effects
 from gateway.vessel_file import load_vessel, zenoh_key
@@ -411,4 +411,23 @@ def test_measurements_that_share_a_receipt_are_not_one_chunk() -> None:
     count = 2 * MAX_CHUNK + 5
     feed: Any = MagicMock(receive_time_ns=np.zeros(count, np.int64))
     feed.__len__.return_value = count
-    assert list(_chunk_ends(feed, CHUNK_S, None, None)) == [MAX_CHUNK, 2 * MAX_CHUNK, count]
+    assert list(_chunk_ends(feed, [], CHUNK_S, None, None)) == [MAX_CHUNK, 2 * MAX_CHUNK, count]
+
+
+def test_what_was_wrong_before_a_reboot_is_judged_anew_as_it_is_live(tmp_path: Path) -> None:
+    """A replay went on with "wrong since" a moment before the reboot, which live takes back."""
+    lame = replace(
+        WAMV, thrusters=tuple(replace(each, thrust=(-10.0, 15.0)) for each in WAMV.thrusters)
+    )
+    data = tlog(tmp_path / "one.tlog", voyage(60.0)).read_bytes()
+    later = tlog(tmp_path / "later.tlog", [(t + 70.0, m) for t, m in voyage(8.0)]).read_bytes()
+    both = tmp_path / "both.tlog"
+    both.write_bytes(data + later)
+    (path,) = replay(both, lame, None, options(tmp_path / "out")).recordings
+    events = [json.loads(event) for event in payloads(path)["event"]]
+    kinds = [event["kind"] for event in events]
+    assert "model_wrong" in kinds[: kinds.index("reboot")]
+    assert kinds[kinds.index("reboot") + 1] == "model_right"
+    (right,) = [event for event in events if event["kind"] == "model_right"]
+    assert right["says"] == JUDGED_ANEW
+    assert right["vehicle_time_ns"] == events[kinds.index("reboot")]["vehicle_time_ns"]

@@ -151,7 +151,7 @@ def test_the_moments_of_taking_over_do_not_depend_on_the_speed_of_a_replay() -> 
     period = feed.receive_time_ns // APPLY_EVERY_NS
     first_of_each = set((np.flatnonzero(np.diff(period)) + 1).tolist())
     for chunk_s in (0.02, 5.0, 100.0):
-        ends = list(_chunk_ends(feed, chunk_s, None, APPLY_EVERY_NS))  # type: ignore[arg-type]
+        ends = list(_chunk_ends(feed, [], chunk_s, None, APPLY_EVERY_NS))  # type: ignore[arg-type]
         assert first_of_each <= set(ends)
         assert ends[-1] == len(feed)
-    assert list(_chunk_ends(feed, 100.0, None, None)) == [len(feed)]  # type: ignore[arg-type]
+    assert list(_chunk_ends(feed, [], 100.0, None, None)) == [len(feed)]  # type: ignore[arg-type]

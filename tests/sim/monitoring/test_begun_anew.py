@@ -18,6 +18,7 @@ from sim.monitoring.begun_anew import (
     SOON_S,
     BegunAnew,
     of_what_is_known,
+    simpler,
 )
 from sim.monitoring.causes import Law
 from sim.monitoring.disturbances import AIR, WATER, Cause, DisturbanceEstimator, KnownCause
@@ -222,6 +223,47 @@ def test_what_changes_often_is_asked_for_more(estimator: DisturbanceEstimator) -
     assert replace(anew, estimate=replace(start)).is_better(0.0)
     assert not replace(anew, estimate=replace(start, opened=0.0, time=LASTS_S)).is_over
     assert replace(anew, estimate=replace(start, opened=0.0, time=LASTS_S + 1.0)).is_over
+
+
+@pytest.mark.parametrize(
+    ("boat", "drag", "driven", "over", "fewer"),
+    [
+        (-1.0, -9.0, 25, True, ()),  # nothing does as well as a motor beside a current
+        (-1.0, -9.0, 25, False, None),  # … before the time is over
+        (-1.0, -9.0, 15, True, None),  # … nor while the motors rest
+        (-9.0, -1.0, 25, True, ()),  # a drag alone does
+        (-9.0, -3.0, 25, True, None),
+    ],
+)
+def test_fewer_causes_take_over_where_they_do_as_well(
+    estimator: DisturbanceEstimator, boat: float, drag: float, driven: int, over: bool,
+    fewer: tuple[Cause, ...] | None,
+) -> None:  # fmt: skip
+    """ "All thrusters giving 71 % more thrust, beside 80 % more drag": both had ended."""
+    start = estimator.start()
+    start.scores[:] = -20.0
+    start.scores[estimator.all.laws.index(Law.NOTHING)] = boat
+    start.scores[estimator.all.laws.index(Law.DRAG)] = drag
+    last = LASTS_S + (1.0 if over else -1.0)
+    estimate = replace(start, opened=0.0, time=last, driven=driven)
+    now = replace(start, beside=(KnownCause(Cause.CURRENT, start),))
+    found = simpler((BegunAnew(estimate, True),), now, told=True)
+    assert (None if found is None else found.beside) == fewer
+    assert simpler((BegunAnew(estimate, True),), start, told=True) is None  # one alone stays
+
+
+def test_of_fewer_causes_the_fewest_are_taken(estimator: DisturbanceEstimator) -> None:
+    start = estimator.start()
+    start.scores[:] = -20.0
+    start.scores[estimator.all.laws.index(Law.NOTHING)] = 0.0
+    ends = replace(start, opened=0.0, time=LASTS_S + 1.0, driven=25)
+    current, drag = KnownCause(Cause.CURRENT, start), KnownCause(Cause.DRAG, start)
+    anew = [BegunAnew(replace(ends, beside=one), True) for one in ((current,), (), (drag,))]
+    assert [one.fewest for one in anew] == [1, 0, 1]
+    now = replace(start, beside=(current, drag))
+    assert simpler(anew, now, told=False).beside == ()
+    assert simpler(anew[::2], now, told=False).beside in {(current,), (drag,)}
+    assert simpler(anew[:1], replace(start, beside=(current,)), told=False) is None
 
 
 def test_adrift_a_current_is_not_told_from_a_wind_and_no_motor_or_compass_is_blamed(
