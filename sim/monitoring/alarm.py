@@ -70,6 +70,7 @@ TURNS = ("turning to port", "going straight", "turning to starboard")
 THROTTLES = ("with thrust astern", "without thrust", "at low throttle", "at high throttle")
 REGIMES = (*HEADINGS, *SPEEDS, *TURNS, *THROTTLES)
 FIRST = (0, *accumulate(map(len, (HEADINGS, SPEEDS, TURNS))))  # regime of each kind
+MAX_ERRING_MPS = 0.25
 ERRING_VELOCITIES = "; a receiver or a swell whose velocities err for seconds looks so too"
 ERROR_CHANNELS = (
     ("ahead", "m/s", 1.0),
@@ -276,7 +277,8 @@ class Alarm:
             told, known = self.reported[0], after.beside
             if told not in DOUBTS and told not in {one.cause for one in known}:
                 known = (*known, KnownCause(told, self.reported_by or after))
-            return of_what_is_known(estimator, self.calm, after, known)
+            noise = self.anew[0].noise if self.anew else after.noise
+            return of_what_is_known(estimator, self.calm, after, known, noise)
         followed = (one.followed(estimator, second, self.estimate, after) for one in self.anew)
         return tuple(sorted(followed, key=lambda one: -one.gain))
 
@@ -468,8 +470,8 @@ def _cause_alone_text(alarm: Alarm, estimate: DisturbanceEstimate, air: WindMode
             return "too little seen so far to tell what it looks like"
         case Cause.NOTHING:
             nearest = _nearest_text(estimate, air)
-            in_velocity = _worst_channel(alarm.misfit) < len(ERROR_CHANNELS) - 1
-            return f"no one cause stands out{nearest}{ERRING_VELOCITIES if in_velocity else ''}"
+            may_be_erring = ERRING_VELOCITIES if _may_be_erring(alarm.misfit) else ""
+            return f"no one cause stands out{nearest}{may_be_erring}"
         case Cause.OTHER:
             return "none of current, wind, thrusters, compass and drag explains it"
     return f"looks like {_kind_text(alarm.cause, estimate, air)}"
@@ -565,6 +567,12 @@ def _worst_channel(misfit: Misfit) -> int:
     """Of u, v, r: the one whose error is largest beside its floor."""
     error, floor = misfit.errors
     return int(np.argmax(error / np.maximum(floor, 1e-12)))
+
+
+def _may_be_erring(misfit: Misfit) -> bool:
+    """Whether velocities are off most, and by no more than a receiver or a swell may make."""
+    k = _worst_channel(misfit)
+    return k < len(ERROR_CHANNELS) - 1 and bool(misfit.errors[0][k] < MAX_ERRING_MPS)
 
 
 def _error_text(misfit: Misfit) -> str:

@@ -23,6 +23,7 @@ from sim.monitoring.disturbances import (
     KnownCause,
 )
 from sim.monitoring.filters import SCORE_MEMORY_S
+from sim.state import Floats
 
 # Chosen on the tuning voyages of benchmarks/live_naming.py and on changes of cause of another
 # generator; what they give on others: benchmarks/results/live_naming.md.
@@ -39,10 +40,12 @@ class BegunAnew:
     """Explanations begun anew, and the score of those that go on over the same seconds [nats].
 
     may_be_over  a cause was told: that nothing is wrong any more is an explanation too
+    noise        (3,) variance of e of those that go on, when these began
     """
 
     estimate: DisturbanceEstimate
     may_be_over: bool
+    noise: Floats
     goes_on: float = 0.0
 
     @property
@@ -108,16 +111,19 @@ def simpler(
 
 def of_what_is_known(
     estimator: DisturbanceEstimator, calm: DisturbanceEstimate, now: DisturbanceEstimate,
-    known: Sequence[KnownCause],
+    known: Sequence[KnownCause], noise: Floats,
 ) -> tuple[BegunAnew, ...]:  # fmt: skip
     """Explanations begun anew beside all that is known, all but one of it, and nothing.
 
-    calm  before the trouble: what the boat's own errors were
+    calm   before the trouble: what the boat's own errors were
+    noise  (3,) variance of e when they last began anew: where something new sets in, what goes on
+           takes it for noise
     """
     known = tuple(known)[-MAX_KNOWN:]
     sizes = range(len(known) + 1) if len(known) <= 1 else (0, len(known) - 1, len(known))
     sets = (each for size in sizes for each in combinations(known, size))
-    started = replace(calm, time=now.time, count=calm.count, noise=now.noise)
+    started = replace(calm, time=now.time, noise=np.minimum(now.noise, noise))
     return tuple(
-        BegunAnew(estimator.reopened(started, now.time, each), len(known) > 0) for each in sets
+        BegunAnew(estimator.reopened(started, now.time, each), len(known) > 0, now.noise)
+        for each in sets
     )

@@ -114,10 +114,13 @@ class Misfit:
         squares = self.squares + (error**2 - self.squares) / MEMORY_S
         floors = self.floors + (floor - self.floors) / MEMORY_S
         shows = bool((squares > MIN_TIMES_FLOOR * floors).any())
+        wrong = level > RIGHT_BELOW if self.wrong else level > WRONG_ABOVE and shows
+        if self.wrong and not wrong:  # it has ended: what comes next has an onset of its own
+            since = np.inf
         return replace(
             seen, level=level, recent=recent, z=z, squares=squares, floors=floors, since=since,
             weight=self.weight + (1.0 - self.weight) / MEMORY_S,
-            wrong=level > RIGHT_BELOW if self.wrong else level > WRONG_ABOVE and shows,
+            wrong=wrong,
         )  # fmt: skip
 
     def _with_short(self, second: SecondMeans, past: Floats) -> "Misfit":

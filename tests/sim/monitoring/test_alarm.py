@@ -535,16 +535,18 @@ def test_what_has_become_small_is_not_held_against_a_larger_noise(
 
 
 @pytest.mark.parametrize(
-    ("channel", "says"), [(0, True), (1, True), (2, False)], ids=["ahead", "sideways", "turning"]
+    ("channel", "size", "says"),
+    [(0, 0.2, True), (1, 0.2, True), (2, 0.2, False), (0, 0.3, False)],
+    ids=["ahead", "sideways", "turning", "far off"],
 )
-def test_a_receiver_is_suspected_where_velocities_are_off_and_nothing_explains_it(
-    estimator: DisturbanceEstimator, channel: int, says: bool
+def test_a_receiver_is_suspected_where_velocities_are_a_little_off_and_nothing_explains_it(
+    estimator: DisturbanceEstimator, channel: int, size: float, says: bool
 ) -> None:
     alarm = in_trouble(estimator, 3)
     estimate = replace(alarm.estimate, count=500, time=alarm.estimate.opened + MIN_SECONDS)
     squares = np.zeros(3)
-    squares[channel] = 1.0
-    misfit = Misfit(since=101.0, squares=squares, floors=np.full(3, 0.01), weight=1.0)
+    squares[channel] = size**2
+    misfit = Misfit(since=101.0, squares=squares, floors=np.full(3, 1e-4), weight=1.0)
     alarm = replace(alarm, estimate=estimate, misfit=misfit)
     text = event_text(ModelEvent.EXPLAINED, alarm, estimator.air, "now")
     assert "no one cause stands out" in text

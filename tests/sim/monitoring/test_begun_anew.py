@@ -29,6 +29,7 @@ from tests.sim.voyages import WAM_V
 STREAM = np.array([0.1, -0.28])
 CURRENT: dict[str, Any] = {"stream": STREAM}
 DRAG: dict[str, Any] = {"drag": 0.8}
+NOISE = np.full(3, 0.2)
 PORT: dict[str, Any] = {"thrust": np.array([-0.5, 0.0])}
 
 
@@ -184,7 +185,7 @@ def test_it_begins_anew_beside_all_that_is_known_all_but_one_of_it_and_nothing(
     a, b, c = (KnownCause(cause, start) for cause in (Cause.CURRENT, Cause.DRAG, Cause.COMPASS))
 
     def sets(*known: KnownCause) -> set[tuple[Cause, ...]]:
-        each = of_what_is_known(estimator, start, start, known)
+        each = of_what_is_known(estimator, start, start, known, start.noise)
         return {tuple(one.cause for one in anew.estimate.beside) for anew in each}
 
     current, drag, compass = Cause.CURRENT, Cause.DRAG, Cause.COMPASS
@@ -209,20 +210,36 @@ def test_only_a_cause_or_its_end_takes_over(
     start.scores[:] = -5.0
     start.scores[estimator.all.laws.index(Law.NOTHING)] = 7.0
     start.scores[estimator.all.laws.index(law)] = score
-    assert BegunAnew(start, over, 3.0).gain == gain
-    assert not BegunAnew(start, over, score - MIN_SCORE_ANEW_NATS + 0.1).is_better(1e9)
+    assert BegunAnew(start, over, NOISE, 3.0).gain == gain
+    assert not BegunAnew(start, over, NOISE, score - MIN_SCORE_ANEW_NATS + 0.1).is_better(1e9)
 
 
 def test_what_changes_often_is_asked_for_more(estimator: DisturbanceEstimator) -> None:
     start = replace(estimator.start(), driven=60)
     start.scores[estimator.all.laws.index(Law.DRAG)] = 1.01 * MIN_SCORE_ANEW_NATS
-    anew = BegunAnew(start, True)
+    anew = BegunAnew(start, True, NOISE)
     assert anew.is_better(SOON_S)
     assert not anew.is_better(SOON_S - 1.0)
     start.scores[estimator.all.laws.index(Law.DRAG)] = 1.01 * SOON_FACTOR * MIN_SCORE_ANEW_NATS
     assert replace(anew, estimate=replace(start)).is_better(0.0)
     assert not replace(anew, estimate=replace(start, opened=0.0, time=LASTS_S)).is_over
     assert replace(anew, estimate=replace(start, opened=0.0, time=LASTS_S + 1.0)).is_over
+
+
+def test_what_sets_in_is_not_noise_because_those_that_go_on_take_it_for_noise(
+    estimator: DisturbanceEstimator,
+) -> None:
+    """A drag beside a current that had held for forty minutes was never told: within as many
+    seconds it was noise, a hundred times as much as before.
+    """
+    start = replace(estimator.start(), noise=np.array([0.1, 0.1, 0.1]))
+    loud = replace(start, noise=np.array([10.0, 0.1, 0.01]))
+    (first,) = of_what_is_known(estimator, start, start, (), start.noise)
+    (again,) = of_what_is_known(estimator, start, loud, (), first.noise)
+    np.testing.assert_array_equal(again.estimate.noise, [0.1, 0.1, 0.01])
+    np.testing.assert_array_equal(again.noise, loud.noise)
+    (third,) = of_what_is_known(estimator, start, loud, (), again.noise)
+    np.testing.assert_array_equal(third.estimate.noise, loud.noise)
 
 
 @pytest.mark.parametrize(
@@ -247,9 +264,9 @@ def test_fewer_causes_take_over_where_they_do_as_well(
     last = LASTS_S + (1.0 if over else -1.0)
     estimate = replace(start, opened=0.0, time=last, driven=driven)
     now = replace(start, beside=(KnownCause(Cause.CURRENT, start),))
-    found = simpler((BegunAnew(estimate, True),), now, told=True)
+    found = simpler((BegunAnew(estimate, True, NOISE),), now, told=True)
     assert (None if found is None else found.beside) == fewer
-    assert simpler((BegunAnew(estimate, True),), start, told=True) is None  # one alone stays
+    assert simpler((BegunAnew(estimate, True, NOISE),), start, told=True) is None  # one alone stays
 
 
 def test_of_fewer_causes_the_fewest_are_taken(estimator: DisturbanceEstimator) -> None:
@@ -258,7 +275,7 @@ def test_of_fewer_causes_the_fewest_are_taken(estimator: DisturbanceEstimator) -
     start.scores[estimator.all.laws.index(Law.NOTHING)] = 0.0
     ends = replace(start, opened=0.0, time=LASTS_S + 1.0, driven=25)
     current, drag = KnownCause(Cause.CURRENT, start), KnownCause(Cause.DRAG, start)
-    anew = [BegunAnew(replace(ends, beside=one), True) for one in ((current,), (), (drag,))]
+    anew = [BegunAnew(replace(ends, beside=one), True, NOISE) for one in ((current,), (), (drag,))]
     assert [one.fewest for one in anew] == [1, 0, 1]
     now = replace(start, beside=(current, drag))
     assert simpler(anew, now, told=False).beside == ()

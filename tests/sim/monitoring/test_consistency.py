@@ -150,3 +150,19 @@ def test_what_a_gap_lies_between_is_not_compared() -> None:
     )
     later = misfit.observe(second, SLOW, (5, 10))
     np.testing.assert_array_equal(later.chop, misfit.chop)
+
+
+def test_what_comes_after_a_wrong_that_has_ended_has_an_onset_of_its_own() -> None:
+    """An alarm two seconds after "right again" was dated from the trouble before it."""
+    errors = np.concatenate([np.full(40, 0.3), np.zeros(60), np.full(25, 0.3)])
+    second, misfit, ended = next(iter(seconds(1))), Misfit(), 0.0
+    for k, error in enumerate(errors):
+        before = misfit
+        due = np.tile([error, 0.0, 0.0], (2, 1))
+        misfit = misfit.observe(replace(second, time=float(k), errors=due), SLOW, (5, 10))
+        if before.wrong and not misfit.wrong:
+            assert not np.isfinite(misfit.since)
+            ended = float(k)
+    assert ended > 40.0
+    assert misfit.wrong
+    assert ended < misfit.since < 110.0
