@@ -143,7 +143,7 @@ VesselFile = Annotated[
     typer.Option(
         "--vessel",
         "-v",
-        help="Model of the boat (TOML, see configs/vessels).",
+        help="Model of the boat (TOML, see configs/vessels; or a recording that holds one).",
         autocompletion=vessels_begun,
     ),
 ]
