@@ -359,7 +359,9 @@ app = typer.Typer(
 File = Annotated[
     Path,
     typer.Argument(
-        metavar="FILE", help="A vessel file, one that ships, or a recording.", autocompletion=vessels_begun
+        metavar="FILE",
+        help="A vessel file, one that ships, or a recording.",
+        autocompletion=vessels_begun,
     ),
 ]
 
