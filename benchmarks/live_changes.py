@@ -26,11 +26,9 @@ from benchmarks.hidden.causes import Hidden, causes_of
 from benchmarks.hidden.nature import Cause
 from benchmarks.hidden.scene import Push, Scene, Stream
 from benchmarks.live_diagnosis import Case, _thrown
-from benchmarks.live_naming import NONE_CLEAR, PAIRS, SOON_S, name_of, remembered
-from sim.model import Model
+from benchmarks.live_naming import NONE_CLEAR, PAIRS, SOON_S, name_of, news, remembered
 from sim.monitoring import SecondMeans
-from sim.monitoring.alarm import Alarm, ModelEvent
-from sim.monitoring.disturbances import DisturbanceEstimator
+from sim.monitoring.alarm import ModelEvent
 from sim.vessel import Vessel
 
 SECONDS, FIRST, SECOND, END = 480.0, 80.0, 240.0, 400.0
@@ -137,19 +135,12 @@ class Told(NamedTuple):
 
 def told(vessel: Vessel, seconds: list[SecondMeans | None]) -> tuple[list[Told], list[float]]:
     """Names, and when the model was called right again [s]."""
-    estimator = DisturbanceEstimator.of(Model.of(vessel))
-    alarm, names, right = Alarm.start(estimator), list[Told](), list[float]()
-    start = next((second.time for second in seconds if second is not None), 0.0)
-    for second in seconds:
-        if second is None:
-            alarm = alarm.after_gap()
-            continue
-        alarm, event = alarm.observe(estimator, second)
-        time = second.time - start
+    names, right = list[Told](), list[float]()
+    for time, alarm, event in news(vessel, seconds):
         if event is ModelEvent.RIGHT:
             right.append(time)
-        elif event is not None and (name := name_of(alarm)) and name != NONE_CLEAR:
-            beside = tuple(one.cause.value for one in getattr(alarm, "beside", ()))
+        elif (name := name_of(alarm)) and name != NONE_CLEAR:
+            beside = tuple(one.cause.value for one in alarm.beside)
             names.append(Told(time, tuple(name.split(" or ")), beside))
     return names, right
 

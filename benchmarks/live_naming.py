@@ -202,21 +202,31 @@ class Told(NamedTuple):
     names: list[tuple[float, str]]
 
 
-def told(case: Case, vessel: Vessel, seconds: list[SecondMeans | None]) -> Told:
-    """What the live diagnosis says of a voyage."""
+def news(
+    vessel: Vessel, seconds: list[SecondMeans | None]
+) -> Iterator[tuple[float, Alarm, ModelEvent]]:
+    """What the live diagnosis reports of a voyage: when [s from its start], and its state then."""
     estimator = DisturbanceEstimator.of(Model.of(vessel))
-    alarm, wrong, names = Alarm.start(estimator), None, list[tuple[float, str]]()
+    alarm = Alarm.start(estimator)
     start = next((second.time for second in seconds if second is not None), 0.0)
     for second in seconds:
         if second is None:
             alarm = alarm.after_gap()
             continue
         alarm, event = alarm.observe(estimator, second)
-        since = second.time - start - case.begins
+        if event is not None:
+            yield second.time - start, alarm, event
+
+
+def told(case: Case, vessel: Vessel, seconds: list[SecondMeans | None]) -> Told:
+    """What the live diagnosis says of a voyage."""
+    wrong, names = None, list[tuple[float, str]]()
+    for time, alarm, event in news(vessel, seconds):
+        since = time - case.begins
         if event is ModelEvent.WRONG and wrong is None:
             wrong = since
         name = name_of(alarm)
-        if event in (ModelEvent.WRONG, ModelEvent.EXPLAINED) and name:
+        if event is not ModelEvent.RIGHT and name:
             names.append((since, name))
     return Told(wrong, names)
 

@@ -24,7 +24,7 @@ from zenoh import ext
 
 from gateway.bus import DEFAULT_ENDPOINT, open_file, session_config
 from gateway.errors import BadInput
-from gateway.topics import WATCHED, Field, FieldType
+from gateway.topics import JUDGING, WATCHED, Field, FieldType
 
 Message = Mapping[str, Any]
 TRUTH = "truth"  # of a boat in the loop: it comes from `shadow hil`, whatever its shadow does
@@ -171,7 +171,6 @@ RATE_WINDOW_S = 3.0
 MOST_GONE = 20  # vessels that are remembered after they have gone
 MOST_EVENTS = 100  # per vessel
 BEGUN = "started"  # the first estimate of a gateway: what another one said before is over
-JUDGING = frozenset(("model_wrong", "model_explained", "model_right"))
 STATUS = "status"  # which only answers
 
 

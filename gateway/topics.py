@@ -123,6 +123,9 @@ FORCE = (
 SOURCES = ("measured", "model")
 SEVERITIES = ("debug", "info", "warning", "error")
 HORIZONS_S = (1, 5, 10)
+# kinds of events that say whether the model is right, as `sim.monitoring` names them
+MODEL_RIGHT = "model_right"
+JUDGING = frozenset(("model_wrong", "model_explained", MODEL_RIGHT))
 
 # What `rate_…_hz` of `health` counts: every message that can tell that part of the motion.
 RATED = {

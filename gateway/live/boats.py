@@ -26,8 +26,8 @@ from gateway.shadow.model_monitor import FIRST_S, Adapt, ModelMonitor, taken_ove
 from gateway.shadow.path import RowMemory, ShadowPath, ShadowRows
 from gateway.shadow.sensor_checks import SensorMemory
 from gateway.shadow.topic_rows import EventRow, event_rows, topic_rows
+from gateway.topics import JUDGING, MODEL_RIGHT
 from gateway.vessel_file import zenoh_key
-from sim.monitoring.alarm import ModelEvent
 from sim.plants import OWN_VESSEL, PlantChoice
 from sim.vessel import Vessel
 
@@ -36,13 +36,11 @@ BLIND_NS, SILENCE_NS, TICK_NS = (round(s * SECOND) for s in (BLIND_S, SILENCE_S,
 
 
 # events that `shadow live` prints: what becomes of the boat's data and of its model
-TOLD = frozenset({
+TOLD = JUDGING | {
     "started", "telemetry_silent", "telemetry_back", "sensor_failed", "sensor_restored",
-    "model_wrong", "model_explained", "model_right", "residual_unusual", "residual_usual",
-    "shadow_diverged", "shadow_steady", "shadow_reset", "parameter_changed", "parameter_usual",
-    "parameter_inseparable",
-})  # fmt: skip
-JUDGING = frozenset(event.value for event in ModelEvent)
+    "residual_unusual", "residual_usual", "shadow_diverged", "shadow_steady", "shadow_reset",
+    "parameter_changed", "parameter_usual", "parameter_inseparable",
+}  # fmt: skip
 # breaks of the estimate, printed too, but not all that one cause brings with it
 BREAKS, QUIET_NS = frozenset({"jump", "restart"}), 10 * SECOND
 NEVER_WRONG = "the model was not found wrong"
@@ -200,7 +198,7 @@ class LiveBoat:
         if self.judged is not None or self._model_monitor.alarm.estimate.count < FIRST_S:
             return self.judged
         times = (0, 0) if self._newest is None else self._newest[::-1]
-        return EventRow(*times, ModelEvent.RIGHT.value, "info", NEVER_WRONG)
+        return EventRow(*times, MODEL_RIGHT, "info", NEVER_WRONG)
 
     @property
     def address(self) -> tuple[int, int]:

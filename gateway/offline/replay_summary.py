@@ -11,10 +11,9 @@ import numpy as np
 from gateway.ingest.log import Boat, Log, Statistics
 from gateway.json_rows import TopicRows
 from gateway.shadow.path import ShadowRows
-from sim.monitoring.alarm import ModelEvent
+from gateway.topics import JUDGING, MODEL_RIGHT
 from sim.state import Floats
 
-JUDGING = frozenset(event.value for event in ModelEvent)
 MIN_JUDGED = 0.01  # share of the rows: of fewer no missing force is told; chosen
 
 
@@ -100,7 +99,7 @@ class ReplayTotals:
             if part.topic == "event":
                 self.events += len(part)
                 for one in map(json.loads, part.payloads):
-                    over = one["kind"] == ModelEvent.RIGHT.value
+                    over = one["kind"] == MODEL_RIGHT
                     if over or one["severity"] != "info":
                         self.warnings.append(Warned(one["says"], one["kind"] in JUDGING, over))
 

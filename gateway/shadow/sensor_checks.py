@@ -296,7 +296,7 @@ def check_events(
         if status and now - rest[STATUS] >= STATUS_CONFIRMED_S:
             bits |= status
         jumped = now - rest[JUMPED]
-        if jumped >= max(CONFIRMED_S, rest[WAIT]):
+        if jumped >= rest[WAIT]:
             bits |= COMPASS
         if what != TICK:
             note_outputs(rest, now, heard[k])

@@ -9,11 +9,11 @@ from enum import StrEnum
 from typing import NamedTuple
 
 from gateway.monitor import Judged, Message, VesselStatus
+from gateway.topics import MODEL_RIGHT
 from sim.monitoring.consistency import RIGHT_BELOW, WRONG_ABOVE
 
 UNJUDGED_S = 5.0  # since the last second that could be judged, from which that is said; chosen
 UNEXPLAINED = "none"
-RIGHT_EVENT = "model_right"
 CAUSES = {
     "current": "a current", "wind": "a wind", "current or wind": "a current or a wind",
     "thrust": "a thruster that gives more or less", "compass": "a compass that reads aside",
@@ -58,7 +58,7 @@ def _unfit(status: VesselStatus) -> str:
 def _verdict(judged: Judged | None, seen: Message | None) -> tuple[Verdict, str]:
     """By what the gateway said, else by the last message of `surroundings`."""
     if judged is not None and (event := judged.event) is not None:
-        right = event["kind"] == RIGHT_EVENT
+        right = event["kind"] == MODEL_RIGHT
         return Verdict.RIGHT if right else Verdict.WRONG, event["says"]
     if seen is None:
         return Verdict.OPEN, "the model is not judged yet: that takes half a minute of its data"

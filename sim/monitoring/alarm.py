@@ -20,7 +20,6 @@ from sim.monitoring import SecondMeans, WindModel, air_velocity
 from sim.monitoring.begun_anew import BegunAnew, of_what_is_known, simpler
 from sim.monitoring.consistency import MIN_TIMES_FLOOR, Misfit
 from sim.monitoring.disturbances import (
-    MAX_IDLE,
     MIN_SCORE_BETWEEN_NATS,
     Cause,
     DisturbanceEstimate,
@@ -224,13 +223,12 @@ class Alarm:
         before = (*self.before, (self.estimate, second))[-ONSET_S - 1 :]
         if not (estimate.finite and np.isfinite(balance.system_matrix).all()):
             return None
-        thrusters = estimator.model.vessel.thrusters
-        drives = bool((np.abs(second.mean_commands[: len(thrusters)]) > MAX_IDLE).any())
+        drives = estimator.drives(second)
         clears = drives or self.adrift or not self.misfit.wrong
         misfit = self.misfit.observe(second, balance, WATCHED_HORIZONS_S, clears)
         errors = self.errors
         if np.isfinite(misfit.z):
-            ahead = sum(t.thrust[1] for t in thrusters)
+            ahead = sum(t.thrust[1] for t in estimator.model.vessel.thrusters)
             errors = errors.observe(second, misfit.z, ahead, drives)
         calm, anew = self.calm, self._followed_anew(estimator, second, estimate)
         if not np.isfinite(misfit.since):
@@ -288,9 +286,10 @@ class Alarm:
 
     def rebooted(self) -> "Alarm":
         """The boat's sensors began anew: what was wrong until then may have been theirs."""
-        now = replace(self.after_gap(), misfit=Misfit(), adrift=False, reported_disturbance=None)
-        now = replace(now, calm=None, told_beside=())
-        return replace(now, explanation=UNTOLD, explanation_since=-np.inf, reported=UNTOLD)
+        return replace(
+            self.after_gap(), misfit=Misfit(), adrift=False, calm=None, explanation=UNTOLD,
+            explanation_since=-np.inf, reported=UNTOLD, reported_disturbance=None, told_beside=(),
+        )  # fmt: skip
 
     @cached_property
     def cause(self) -> Cause:

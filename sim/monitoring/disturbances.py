@@ -57,7 +57,6 @@ from sim.monitoring.filters import (
     linearised,
 )
 from sim.state import Eta, Floats, Ints, to_world
-from sim.vessel import Thruster
 
 # Chosen on the tuning voyages of benchmarks/live_naming.py; what they give on others:
 # benchmarks/results/live_naming.md, and for the estimates live_diagnosis.md.
@@ -303,10 +302,10 @@ class DisturbanceEstimator:
         each = Explanations.of(prior, list(explanations(vessel, thrust, air.prior)))
         return cls(model, air, prior, each, hull_of(vessel, air))
 
-    @property
-    def thrusters(self) -> tuple[Thruster, ...]:
-        """Of the vessel."""
-        return tuple(self.model.vessel.thrusters)
+    def drives(self, second: SecondMeans) -> bool:
+        """Whether a motor does."""
+        motors = second.mean_commands[: len(self.model.vessel.thrusters)]
+        return bool((np.abs(motors) > MAX_IDLE).any())
 
     @cached_property
     def compass(self) -> int:
@@ -344,7 +343,7 @@ class DisturbanceEstimator:
         self, estimate: DisturbanceEstimate, second: SecondMeans
     ) -> tuple[DisturbanceEstimate, Balance]:
         """One more second -> the estimate after it, and the balance there."""
-        drives = bool((np.abs(second.mean_commands[: len(self.thrusters)]) > MAX_IDLE).any())
+        drives = self.drives(second)
         second = self.without(second, estimate.beside)
         F = self._balances(estimate, second)
         silence = max(second.time - estimate.time, 0.0)

@@ -3,7 +3,19 @@
 import jsonschema
 import pytest
 
-from gateway.topics import LOOP_TOPICS, RATED, TOPICS, Field, FieldType, Overflow, Topic, markdown
+from gateway.topics import (
+    JUDGING,
+    LOOP_TOPICS,
+    MODEL_RIGHT,
+    RATED,
+    TOPICS,
+    Field,
+    FieldType,
+    Overflow,
+    Topic,
+    markdown,
+)
+from sim.monitoring.alarm import ModelEvent
 from tests.conftest import ROOT
 
 EVERY = {**TOPICS, **LOOP_TOPICS}
@@ -59,3 +71,8 @@ def test_strings_before_numbers_are_refused() -> None:
     fields = (Field("a", "", "text", FieldType.STRING), Field("b", "", "number"))
     with pytest.raises(ValueError, match="numbers, integers, then strings"):
         Topic("x", "X", "", "", fields)
+
+
+def test_kinds_of_events_that_judge_the_model_are_those_of_its_alarm() -> None:
+    assert {event.value for event in ModelEvent} == JUDGING
+    assert ModelEvent.RIGHT.value == MODEL_RIGHT

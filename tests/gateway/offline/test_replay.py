@@ -187,12 +187,18 @@ def test_an_outage_is_told_in_events_and_the_shadow_runs_on(first: Path) -> None
     assert len(found["measured"]) < len(found["shadow"])
 
 
+def rebooted(folder: Path, seconds: float, at: float, after: float) -> Path:
+    """A log of so many seconds, and of `after` an autopilot booted again at `at`: all [s]."""
+    data = tlog(folder / "one.tlog", voyage(seconds)).read_bytes()
+    later = tlog(folder / "later.tlog", [(t + at, m) for t, m in voyage(after)]).read_bytes()
+    both = folder / "both.tlog"
+    both.write_bytes(data + later)
+    return both
+
+
 def test_a_reboot_is_told_once(tmp_path: Path) -> None:
     """`info` counted it; the recording held "telemetry is fresh again" alone."""
-    data = tlog(tmp_path / "one.tlog", voyage(20.0)).read_bytes()
-    later = tlog(tmp_path / "later.tlog", [(t + 35.0, m) for t, m in voyage(10.0)]).read_bytes()
-    both = tmp_path / "both.tlog"
-    both.write_bytes(data + later)
+    both = rebooted(tmp_path, 20.0, 35.0, 10.0)
     (path,) = replay(both, WAMV, None, options(tmp_path / "out")).recordings
     events = [json.loads(event) for event in payloads(path)["event"]]
     (told,) = [event for event in events if event["kind"] == "reboot"]
@@ -419,10 +425,7 @@ def test_what_was_wrong_before_a_reboot_is_judged_anew_as_it_is_live(tmp_path: P
     lame = replace(
         WAMV, thrusters=tuple(replace(each, thrust=(-10.0, 15.0)) for each in WAMV.thrusters)
     )
-    data = tlog(tmp_path / "one.tlog", voyage(60.0)).read_bytes()
-    later = tlog(tmp_path / "later.tlog", [(t + 70.0, m) for t, m in voyage(8.0)]).read_bytes()
-    both = tmp_path / "both.tlog"
-    both.write_bytes(data + later)
+    both = rebooted(tmp_path, 60.0, 70.0, 8.0)
     (path,) = replay(both, lame, None, options(tmp_path / "out")).recordings
     events = [json.loads(event) for event in payloads(path)["event"]]
     kinds = [event["kind"] for event in events]
