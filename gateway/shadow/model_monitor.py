@@ -27,9 +27,10 @@ from gateway.shadow.topic_rows import EventRow
 from gateway.topics import HORIZONS_S
 from sim.model import Model
 from sim.monitoring import SecondMeans
-from sim.monitoring.alarm import WATCHED_HORIZONS_S, Alarm, ModelEvent, event_text
+from sim.monitoring.alarm import WATCHED_HORIZONS_S, Alarm, ModelEvent
 from sim.monitoring.disturbances import AIR, WATER, DisturbanceEstimator
 from sim.monitoring.recursive import SIGMAS_95, NumberEstimates, NumberFollower, with_shares
+from sim.monitoring.sentences import event_text
 from sim.state import Eta, Floats, Ints
 
 APPLY_EVERY_NS = 10_000_000_000  # at whole multiples of this receipt the shadow takes over …

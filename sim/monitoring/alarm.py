@@ -1,34 +1,28 @@
-"""When a live model becomes wrong, what explains it, when it is right again: as events, in words.
+"""When a live model becomes wrong, what explains it, when it is right again: as events.
 
 What explains the misfit may waver from second to second: it is reported when it has stayed the same
-for a while, and not more often than once a minute. Where the model is wrong is told by regimes:
-every second has a heading, a speed, a turn and a throttle; each bin keeps how much error and how
-much time fell into it, forgotten over minutes, and the worst is the one with the most error beyond
-its share of time, as in a comparison.
+for a while, and not more often than once a minute. `sim.monitoring.sentences` has the words,
+`sim.monitoring.regimes` where it is wrong.
 """
 
-from bisect import bisect_left
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
-from itertools import accumulate, pairwise
 
 import numpy as np
 
-from sim.comparison import COMPASS
-from sim.monitoring import SecondMeans, WindModel, air_velocity
+from sim.monitoring import SecondMeans
 from sim.monitoring.begun_anew import BegunAnew, of_what_is_known, simpler
-from sim.monitoring.consistency import MIN_TIMES_FLOOR, Misfit
+from sim.monitoring.consistency import Misfit
 from sim.monitoring.disturbances import (
-    MIN_SCORE_BETWEEN_NATS,
     Cause,
     DisturbanceEstimate,
     DisturbanceEstimator,
     KnownCause,
 )
-from sim.monitoring.explanations import ALL_THRUSTERS
 from sim.monitoring.filters import DisturbanceFilter
-from sim.state import Floats, Nu
+from sim.monitoring.regimes import ErrorByRegime
+from sim.state import Floats
 
 # Chosen on the tuning voyages of benchmarks/live_naming.py; what they give on others:
 # benchmarks/results/live_naming.md.
@@ -45,103 +39,8 @@ MOVED_S = 20.0  # another size must last that long: perhaps another cause begins
 MAX_GAIN_MOVED_NATS = 2.0  # of explanations begun anew, for what was told to change meanwhile
 MIN_TROUBLE_S = 12.0  # since it set in, before any explanation of it
 MIN_SECONDS = 150  # before it is said that nothing explains it
-MAX_SINGLE_GAIN = 0.5  # of its thrust that one motor alone may push more than its file says
-NO_THRUST_SHARE = 0.1  # of its thrust: what is left or astern of so little is none
 MIN_SCORE_HELD_NATS = 4.0  # by which what was told has to beat the boat alone, to be told still
-MIN_SCORE_NEAREST_NATS = 2.0  # … and what comes nearest, to be told beside that nothing stands out
 FEW_HEADINGS = 2  # on so few, water and air are hard to tell apart
-# Where the model is wrong
-REGIME_MEMORY_S = 300.0
-MIN_REGIME_S = 5.0  # in a bin, before it is named
-MIN_REGIME_EXCESS = 0.15  # share of the error beyond the share of the time
-MIN_HEADING_S = 3.0  # for a heading to count as sailed
-
-SPEED_EDGES_MPS = (0.3, 0.8, 1.5, 2.5, 4.0)
-TURN_EDGES_RADPS = (-0.1, 0.1)
-THRUST_EDGES = (-0.05, 0.05, 0.5)  # of the thrust full ahead
-HEADINGS = tuple(f"heading {name}" for name in COMPASS)
-SPEEDS = (
-    f"slower than {SPEED_EDGES_MPS[0]:g} m/s",
-    *(f"at {a:g} to {b:g} m/s" for a, b in pairwise(SPEED_EDGES_MPS)),
-    f"faster than {SPEED_EDGES_MPS[-1]:g} m/s",
-)
-TURNS = ("turning to port", "going straight", "turning to starboard")
-THROTTLES = ("with thrust astern", "without thrust", "at low throttle", "at high throttle")
-REGIMES = (*HEADINGS, *SPEEDS, *TURNS, *THROTTLES)
-FIRST = (0, *accumulate(map(len, (HEADINGS, SPEEDS, TURNS))))  # regime of each kind
-MAX_ERRING_MPS = 0.25
-ERRING_VELOCITIES = "; a receiver or a swell whose velocities err for seconds looks so too"
-ERROR_CHANNELS = (
-    ("ahead", "m/s", 1.0),
-    ("sideways", "m/s", 1.0),
-    ("in turning", "°/s", 180.0 / np.pi),
-)
-
-
-@dataclass(frozen=True)
-class ErrorByRegime:
-    """error, seconds (n,) of each of `REGIMES`; every second is in four of them.
-
-    sailed  (8,) seconds under way on each heading since the trouble began
-    """
-
-    error: Floats
-    seconds: Floats
-    sailed: Floats
-
-    @classmethod
-    def start(cls) -> "ErrorByRegime":
-        """The state before the first second."""
-        return cls(np.zeros(len(REGIMES)), np.zeros(len(REGIMES)), np.zeros(len(HEADINGS)))
-
-    def observe(
-        self, second: SecondMeans, z: float, ahead: float, drives: bool = True
-    ) -> "ErrorByRegime":
-        """One more second with that error; `ahead` [N] is the thrust of full throttle.
-
-        `drives`: whether a motor does; adrift all headings tell the same of water and air.
-        """
-        kept = 1.0 - 1.0 / REGIME_MEMORY_S
-        error, seconds = kept * self.error, kept * self.seconds
-        here = regimes_at(second, ahead)
-        error[here] += z
-        seconds[here] += 1.0
-        sailed = self.sailed.copy()
-        sailed[here[0]] += drives
-        return ErrorByRegime(error, seconds, sailed)
-
-    def reopened(self) -> "ErrorByRegime":
-        """Trouble has begun: headings that were sailed before it tell nothing of it."""
-        return replace(self, sailed=np.zeros(len(HEADINGS)))
-
-    @property
-    def headings(self) -> int:
-        """How many of the eight headings were sailed since the trouble began."""
-        return int(np.count_nonzero(self.sailed >= MIN_HEADING_S))
-
-    @property
-    def worst(self) -> str:
-        """The regime that holds most error beyond its time; empty where there is none."""
-        total, time = self.error.sum() / 4.0, self.seconds.sum() / 4.0
-        if total <= 0.0 or time <= 0.0:
-            return ""
-        excess = self.error / total - self.seconds / time
-        excess = np.where(self.seconds >= MIN_REGIME_S, excess, 0.0)
-        k = int(np.argmax(excess))
-        return REGIMES[k] if excess[k] > MIN_REGIME_EXCESS else ""
-
-
-def regimes_at(second: SecondMeans, ahead: float) -> list[int]:
-    """Heading, speed, turn and throttle of a second, as numbers of `REGIMES`."""
-    nu = second.nu
-    heading = round(second.yaw / (np.pi / 4.0)) % 8
-    speed = bisect_left(SPEED_EDGES_MPS, float(np.hypot(nu[Nu.U], nu[Nu.V])))
-    turn = bisect_left(TURN_EDGES_RADPS, float(nu[Nu.R]))
-    throttle = 1
-    if ahead > 0.0:
-        throttle = bisect_left(THRUST_EDGES, float(second.commanded[0]) / ahead)
-    each = (heading, speed, turn, throttle)
-    return [first + k for first, k in zip(FIRST, each, strict=True)]
 
 
 class ModelEvent(Enum):
@@ -433,154 +332,3 @@ def _since_onset(
             estimate, _ = estimator.observe(estimate, second)
         candidates.append((float(before.boat.score + estimate.scores.max()), estimate))
     return max(candidates, key=lambda one: one[0])[1]
-
-
-def event_text(event: ModelEvent, alarm: Alarm, air: WindModel, since: str) -> str:
-    """An event in one sentence; `since` is when it began, as people say it."""
-    if event is ModelEvent.RIGHT:
-        return f"the model is right again; it was wrong since {since}"
-    where = f" when {worst}" if (worst := alarm.errors.worst) else ""
-    if where.startswith((" when at", " when with", " when slower", " when faster")):
-        where = where.removeprefix(" when")
-    size, cause = _error_text(alarm.misfit), _cause_text(alarm, air)
-    return f"since {since} the model is wrong{where} ({size}): {cause}"
-
-
-def _cause_text(alarm: Alarm, air: WindModel) -> str:
-    """What explains it, as far as that can be told."""
-    estimate = alarm.told_by
-    known = " and ".join(_kind_text(one.cause, one.estimate, air) for one in alarm.beside)
-    if known:
-        return f"{_cause_alone_text(alarm, estimate, air)}, beside {known}"
-    return _cause_alone_text(alarm, estimate, air)
-
-
-def _cause_alone_text(alarm: Alarm, estimate: DisturbanceEstimate, air: WindModel) -> str:
-    """The same without what holds beside it."""
-    current, wind = (_kind_text(kind, estimate, air) for kind in (Cause.CURRENT, Cause.WIND))
-    match alarm.cause:
-        case Cause.EITHER:
-            tell = "what she does under way tells" if estimate.is_adrift else "other headings tell"
-            return f"looks like current or wind ({current}, or {wind}): {tell}"
-        case Cause.SEVERAL:
-            several = " or ".join(_kind_text(kind, estimate, air) for kind in alarm.likely)
-            return f"looks like {several}: turns, other headings and speeds tell"
-        case Cause.NOTHING if alarm.too_early:
-            return "too little seen so far to tell what it looks like"
-        case Cause.NOTHING:
-            nearest = _nearest_text(estimate, air)
-            may_be_erring = ERRING_VELOCITIES if _may_be_erring(alarm.misfit) else ""
-            return f"no one cause stands out{nearest}{may_be_erring}"
-        case Cause.OTHER:
-            return "none of current, wind, thrusters, compass and drag explains it"
-    return f"looks like {_kind_text(alarm.cause, estimate, air)}"
-
-
-def _nearest_text(estimate: DisturbanceEstimate, air: WindModel) -> str:
-    """What explains it best where nothing is clearly more than nothing, if anything is."""
-    named = [(score, kind) for score, kind, _ in estimate.named if kind is not Cause.OTHER]
-    score, kind = named[0]
-    clear = score - float(estimate.boat.score) >= MIN_SCORE_NEAREST_NATS
-    if not clear or not estimate.best(kind).significant:
-        return ""
-    return f", nearest comes {_kind_text(kind, estimate, air)}"
-
-
-def _kind_text(kind: Cause, estimate: DisturbanceEstimate, air: WindModel) -> str:
-    """One explanation with its size."""
-    best = estimate.best(kind)
-    size = float(best.disturbance[0])
-    match kind:
-        case Cause.CURRENT:
-            return current_text(best.disturbance)
-        case Cause.WIND:
-            return wind_text(best.disturbance, air)
-        case Cause.THRUST:
-            return _thrust_text(estimate)
-        case Cause.COMPASS:
-            side = "starboard" if size > 0.0 else "port"
-            return f"the compass reading {abs(np.degrees(size)):.0f}° too far to {side}"
-        case Cause.DRAG:
-            return f"{_percent(size)} drag ahead"
-    return "something else"
-
-
-def _percent(share: float) -> str:
-    """−0.45 -> "45 % less"."""
-    return f"{abs(100.0 * share):.0f} % {'less' if share < 0.0 else 'more'}"
-
-
-def _given(share: float) -> str:
-    """Share of its thrust that a thruster gives more or less, in words; none gives less than
-    nothing, but it may push astern.
-    """
-    if share < -1.0 - NO_THRUST_SHARE:
-        return "pushing the other way"
-    if share < -1.0 + NO_THRUST_SHARE:
-        return "giving no thrust"
-    return f"giving {_percent(share)} thrust"
-
-
-def _thrust_text(estimate: DisturbanceEstimate) -> str:
-    """The thruster that explains it best, and those that do so about as well; or all of them, where
-    they do, or where one alone would have to push much more than its file says.
-    """
-    names = estimate.all.names
-    ranked = [(score, f) for score, kind, f in estimate.named if kind is Cause.THRUST]
-    near = [f for score, f in ranked if ranked[0][0] - score < MIN_SCORE_BETWEEN_NATS]
-    share = {f: float(estimate.filter(f).disturbance[0]) for _, f in ranked}
-    single = [f for f in near if names[f] != ALL_THRUSTERS]
-    whole = next((f for _, f in ranked if names[f] == ALL_THRUSTERS), None)
-    if single and whole is not None and share[single[0]] > MAX_SINGLE_GAIN:
-        behind = float(estimate.scores[single[0]] - estimate.scores[whole])
-        if behind < MIN_SCORE_BETWEEN_NATS and estimate.filter(whole).significant:
-            near, single = [whole], []
-    texts = []
-    if single:
-        which = " or ".join(names[f] for f in single)
-        texts.append(f"thruster {which} {_given(share[single[0]])}")
-    if whole in near:
-        texts.append(f"all thrusters {_given(share[whole])}")
-    return " or ".join(texts if near[0] != whole else reversed(texts))
-
-
-def current_text(current: Floats) -> str:
-    """North, east (2,) [m/s] -> speed and where it flows to."""
-    return f"{np.hypot(*current):.2g} m/s of current towards {_bearing(current)}"
-
-
-def wind_text(g: Floats, air: WindModel) -> str:
-    """g of the air (2,) -> a wind and where it comes from, or its force on a boat across it."""
-    if air.has_areas:
-        return f"{np.hypot(*air_velocity(g)):.0f} m/s of wind from {_bearing(-g)}"
-    force = float(f"{air.force_abeam(g):.2g}")
-    return f"wind from {_bearing(-g)} that pushes with {force:g} N abeam"
-
-
-def _bearing(north_east: Floats) -> str:
-    degrees = round(float(np.degrees(np.arctan2(north_east[1], north_east[0])))) % 360
-    return f"{degrees:03d}°"
-
-
-def _worst_channel(misfit: Misfit) -> int:
-    """Of u, v, r: the one whose error is largest beside its floor."""
-    error, floor = misfit.errors
-    return int(np.argmax(error / np.maximum(floor, 1e-12)))
-
-
-def _may_be_erring(misfit: Misfit) -> bool:
-    """Whether velocities are off most, and by no more than a receiver or a swell may make."""
-    k = _worst_channel(misfit)
-    return k < len(ERROR_CHANNELS) - 1 and bool(misfit.errors[0][k] < MAX_ERRING_MPS)
-
-
-def _error_text(misfit: Misfit) -> str:
-    """The worst channel's error beside its floor."""
-    (error, floor), k = misfit.errors, _worst_channel(misfit)
-    if error[k] ** 2 <= MIN_TIMES_FLOOR * floor[k] ** 2:  # it was more when it was called wrong
-        return "of late hardly further off than noise explains"
-    name, unit, factor = ERROR_CHANNELS[k]
-    return (
-        f"after {WATCHED_HORIZONS_S[0]} s off by {error[k] * factor:.2g} {unit} {name}, "
-        f"noise explains {floor[k] * factor:.2g}"
-    )

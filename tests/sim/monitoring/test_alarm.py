@@ -13,23 +13,18 @@ from sim.model import Model
 from sim.monitoring import SecondMeans, WindModel
 from sim.monitoring.alarm import (
     DOUBTS,
-    ERRING_VELOCITIES,
     MIN_DOUBT_INTERVAL_S,
     MIN_INTERVAL_S,
     MIN_SECONDS,
     ONSET_S,
-    REGIMES,
     Alarm,
-    ErrorByRegime,
     ModelEvent,
-    current_text,
-    event_text,
-    regimes_at,
-    wind_text,
 )
 from sim.monitoring.causes import BOAT_ERRORS, Law
 from sim.monitoring.consistency import WRONG_ABOVE, Misfit
 from sim.monitoring.disturbances import Cause, DisturbanceEstimator
+from sim.monitoring.regimes import REGIMES, ErrorByRegime, regimes_at
+from sim.monitoring.sentences import ERRING_VELOCITIES, current_text, event_text, wind_text
 from tests.sim.monitoring.live_seconds import seconds
 from tests.sim.voyages import WAM_V
 

@@ -10,7 +10,7 @@ import pytest
 
 from sim.model import Model
 from sim.monitoring import SecondMeans
-from sim.monitoring.alarm import MIN_ADRIFT_S, Alarm, ModelEvent, event_text
+from sim.monitoring.alarm import MIN_ADRIFT_S, Alarm, ModelEvent
 from sim.monitoring.begun_anew import (
     LASTS_S,
     MIN_SCORE_ANEW_NATS,
@@ -22,6 +22,7 @@ from sim.monitoring.begun_anew import (
 )
 from sim.monitoring.causes import Law
 from sim.monitoring.disturbances import AIR, WATER, Cause, DisturbanceEstimator, KnownCause
+from sim.monitoring.sentences import event_text
 from tests.sim.monitoring.live_seconds import seconds
 from tests.sim.monitoring.test_alarm import off_by
 from tests.sim.voyages import WAM_V
