@@ -142,21 +142,20 @@ def _other(k: int, boat: str, dice: np.random.Generator) -> Hidden:
 class _Seconds:
     """The alarm of a monitor, which keeps what it is told."""
 
-    def __init__(self, alarm: Alarm) -> None:
+    def __init__(self, alarm: Alarm, seconds: list[SecondMeans | None] | None = None) -> None:
         self.alarm = alarm
-        self.seconds: list[SecondMeans | None] = []
+        self.seconds = [] if seconds is None else seconds
 
     def observe(
         self, estimator: DisturbanceEstimator, second: SecondMeans
     ) -> tuple["_Seconds", ModelEvent | None]:
         self.seconds.append(second)
-        self.alarm, event = self.alarm.observe(estimator, second)
-        return self, event
+        alarm, event = self.alarm.observe(estimator, second)
+        return _Seconds(alarm, self.seconds), event
 
     def after_gap(self) -> "_Seconds":
         self.seconds.append(None)
-        self.alarm = self.alarm.after_gap()
-        return self
+        return _Seconds(self.alarm.after_gap(), self.seconds)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.alarm, name)

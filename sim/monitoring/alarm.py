@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from sim.monitoring import SecondMeans
+from sim.monitoring.accounting import error_falls
 from sim.monitoring.begun_anew import BegunAnew, of_what_is_known, simpler
 from sim.monitoring.consistency import Misfit
 from sim.monitoring.disturbances import (
@@ -40,6 +41,8 @@ MAX_GAIN_MOVED_NATS = 2.0  # of explanations begun anew, for what was told to ch
 MIN_TROUBLE_S = 12.0  # since it set in, before any explanation of it
 MIN_SECONDS = 150  # before it is said that nothing explains it
 MIN_SCORE_HELD_NATS = 4.0  # by which what was told has to beat the boat alone, to be told still
+JUDGED_S = 25  # seconds whose errors have to fall with a cause, for it to be told …
+RETRY_S = 20.0  # … or it is looked at again after so long
 FEW_HEADINGS = 2  # on so few, water and air are hard to tell apart
 
 
@@ -70,6 +73,8 @@ class Alarm:
     turned_at    when explanations begun anew took over [s]
     moved_since  since when the size of what was told has been another one [s]
     told_beside  what was told beside the explanation that was reported last
+    judged       the last seconds, oldest first, with whose errors a cause has to do
+    refused      causes with which the error does not fall, and when that was seen
     """
 
     estimate: DisturbanceEstimate
@@ -89,6 +94,8 @@ class Alarm:
     turned_at: float = -np.inf
     moved_since: float = np.inf
     told_beside: tuple[Cause, ...] = ()
+    judged: tuple[SecondMeans, ...] = ()
+    refused: tuple[frozenset[Cause], float] = (frozenset(), -np.inf)
 
     @classmethod
     def start(cls, estimator: DisturbanceEstimator) -> "Alarm":
@@ -109,12 +116,44 @@ class Alarm:
             now = None
         if now is None:
             return self.after_gap(), None
-        if now.misfit.wrong != self.misfit.wrong:
-            event = ModelEvent.WRONG if now.misfit.wrong else ModelEvent.RIGHT
-            return now._with_report(now.reported_at), event
-        if now.misfit.wrong and now._has_news(second.time):
-            return now._with_report(second.time), ModelEvent.EXPLAINED
-        return now, None
+        changes = now.misfit.wrong != self.misfit.wrong
+        if not (changes or (now.misfit.wrong and now._has_news(second.time))):
+            return now, None
+        if changes and not now.misfit.wrong:
+            return now._with_report(now.reported_at), ModelEvent.RIGHT
+        if refused := now._without_effect(estimator):
+            now = now._refusing(refused, second.time)
+            if not changes:
+                return now, None
+        told_at = now.reported_at if changes else second.time
+        event = ModelEvent.WRONG if changes else ModelEvent.EXPLAINED
+        return now._with_report(told_at), event
+
+    def _without_effect(self, estimator: DisturbanceEstimator) -> frozenset[Cause]:
+        """The causes that would be told, where the error falls with none of them."""
+        several = self.cause in (Cause.EITHER, Cause.SEVERAL)
+        kinds = frozenset(self.likely if several else (self.cause,)) - {Cause.NOTHING, Cause.OTHER}
+        estimate = self.told_by
+        each = [next(f for _, one, f in estimate.named if one is kind) for kind in kinds]
+        falls = any(
+            error_falls(estimator, estimate, f, self.judged, self.misfit.worst_channel)
+            for f in each
+        )
+        return frozenset() if falls else kinds
+
+    def _refusing(self, kinds: frozenset[Cause], time: float) -> "Alarm":
+        """The same with explanations that are none for now."""
+        now = replace(self, refused=(kinds, time))
+        return replace(now, explanation=now._explanation, explanation_since=time)
+
+    @property
+    def _refused(self) -> frozenset[Cause]:
+        kinds, at = self.refused
+        return kinds if self.estimate.time - at < RETRY_S else frozenset()
+
+    @property
+    def _explanation(self) -> tuple[Cause, bool]:
+        return self.cause, self.cause is Cause.NOTHING and not self.too_early
 
     def _after(self, estimator: DisturbanceEstimator, second: SecondMeans) -> "Alarm | None":
         """The state after one more second; None where it holds no finite numbers."""
@@ -151,14 +190,14 @@ class Alarm:
         now = replace(
             self, estimate=estimate, misfit=misfit, errors=errors, before=before, calm=calm,
             anew=anew, turned_at=turned_at, resting=not drives,
+            judged=(*self.judged, second)[-JUDGED_S:],
             adrift=self.adrift if misfit.wrong else not drives,
         )  # fmt: skip
         moved_since = min(self.moved_since, second.time) if now._has_moved else np.inf
         now = replace(now, moved_since=moved_since)
-        explanation = now.cause, now.cause is Cause.NOTHING and not now.too_early
-        if explanation == self.explanation:
+        if now._explanation == self.explanation:
             return now
-        return replace(now, explanation=explanation, explanation_since=second.time)
+        return replace(now, explanation=now._explanation, explanation_since=second.time)
 
     def _followed_anew(
         self, estimator: DisturbanceEstimator, second: SecondMeans, after: DisturbanceEstimate
@@ -181,7 +220,7 @@ class Alarm:
 
     def after_gap(self) -> "Alarm":
         """The estimate jumped or fell silent."""
-        return replace(self, misfit=self.misfit.after_gap(), before=(), anew=())
+        return replace(self, misfit=self.misfit.after_gap(), before=(), anew=(), judged=())
 
     def rebooted(self) -> "Alarm":
         """The boat's sensors began anew: what was wrong until then may have been theirs."""
@@ -210,15 +249,19 @@ class Alarm:
         """
         kind, estimate = self.reported[0], self.estimate
         score = next((score for score, each, _ in estimate.named if each is kind), -np.inf)
-        if kind in DOUBTS or not np.isfinite(score):  # not finite: a drag that drives by now
+        if kind in (*DOUBTS, *self._refused) or not np.isfinite(
+            score
+        ):  # not finite: a drag that drives by now
             return False
         best = estimate.best(kind)
         return best.score - estimate.boat.score >= MIN_SCORE_HELD_NATS and best.significant
 
     @cached_property
     def likely(self) -> tuple[Cause, ...]:
-        """Causes that explain it about as well as the best."""
-        return self.estimate.likely_on(self.few_headings)
+        """Causes that explain it about as well as the best, and with which the error falls."""
+        likely = self.estimate.likely_on(self.few_headings)
+        left = tuple(kind for kind in likely if kind not in self._refused)
+        return left if left or not likely else (Cause.OTHER,)
 
     @cached_property
     def few_headings(self) -> bool:

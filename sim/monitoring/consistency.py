@@ -148,8 +148,14 @@ class Misfit:
     @property
     def errors(self) -> Floats:
         """Root mean square error of u, v, r over the shortest horizon, and its floor: (2, 3)."""
-        mean = np.stack([self.squares, self.floors]) / max(self.weight, 1e-12)
+        mean = np.stack([self.squares, self.floors]) / max(self.weight, TINY)
         return np.asarray(np.sqrt(mean))
+
+    @property
+    def worst_channel(self) -> int:
+        """Of u, v, r: the one whose error is largest beside its floor."""
+        error, floor = self.errors
+        return int(np.argmax(error / np.maximum(floor, TINY)))
 
     def after_gap(self) -> "Misfit":
         """The estimate jumped or fell silent: predictions under way are dropped."""
@@ -224,6 +230,16 @@ def transition(A: Floats) -> Floats:
     for _ in range(DOUBLINGS):
         phi = product(phi, phi)
     return phi
+
+
+def step_response(A: Floats) -> Floats:
+    """∫₀¹ exp(A t) dt (4, 4): what a constant push makes in a second, of the same form."""
+    dt = 1.0 / SUBSTEPS
+    inverse = np.linalg.inv(np.eye(STATES) - 0.5 * dt * A)
+    phi, gamma = inverse @ (np.eye(STATES) + 0.5 * dt * A), dt * inverse
+    for _ in range(DOUBLINGS):
+        phi, gamma = phi @ phi, gamma + phi @ gamma
+    return np.asarray(gamma)
 
 
 @compiled

@@ -431,6 +431,17 @@ class DisturbanceEstimator:
         which, F = self.all.which[f], self._balances(estimate, second)
         return self.linearised(which, estimate.filter(f).disturbance, second, F)
 
+    def explained(
+        self, estimate: DisturbanceEstimate, second: SecondMeans, f: int
+    ) -> tuple[Floats, Balance]:
+        """Missing force (3,) that explanation f makes with what is known beside it, without the
+        boat's own errors, and the balance.
+        """
+        beside = self.without(second, estimate.beside)
+        F = self._balances(estimate, beside)
+        made = self.linearised(self.all.which[f], estimate.filter(f).disturbance, beside, F).force
+        return made + second.missing - beside.missing, Balance.of(F)
+
     def linearised(
         self, which: Ints, o: Floats, second: SecondMeans, F: Floats
     ) -> MeasurementModel:

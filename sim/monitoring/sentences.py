@@ -149,21 +149,15 @@ def _bearing(north_east: Floats) -> str:
     return f"{degrees:03d}°"
 
 
-def _worst_channel(misfit: Misfit) -> int:
-    """Of u, v, r: the one whose error is largest beside its floor."""
-    error, floor = misfit.errors
-    return int(np.argmax(error / np.maximum(floor, 1e-12)))
-
-
 def _may_be_erring(misfit: Misfit) -> bool:
     """Whether velocities are off most, and by no more than a receiver or a swell may make."""
-    k = _worst_channel(misfit)
+    k = misfit.worst_channel
     return k < len(ERROR_CHANNELS) - 1 and bool(misfit.errors[0][k] < MAX_ERRING_MPS)
 
 
 def _error_text(misfit: Misfit) -> str:
     """The worst channel's error beside its floor."""
-    (error, floor), k = misfit.errors, _worst_channel(misfit)
+    (error, floor), k = misfit.errors, misfit.worst_channel
     if error[k] ** 2 <= MIN_TIMES_FLOOR * floor[k] ** 2:  # it was more when it was called wrong
         return "of late hardly further off than noise explains"
     name, unit, factor = ERROR_CHANNELS[k]
