@@ -296,6 +296,7 @@ class Vessel:
             Need.PORT_THRUSTER: any(t.position[1] < 0.0 for t in self.thrusters),
             Need.ARM: self.has_arms,
             Need.STEERING: bool(self.rudders),
+            Need.FIXED_MOTOR: any(t.name not in self._steered for t in self.thrusters),
         }
         return " and ".join(need.value for need in effect.needs if not has[need])
 
@@ -307,10 +308,15 @@ class Vessel:
     @property
     def has_arms_along(self) -> bool:
         """Whether it does by how far ahead or astern: a motor that is steered, or points aside."""
-        steered = {rudder.motor for rudder in self.rudders}
+        steered = self._steered
         return any(
             t.position[0] and (t.name in steered or np.sin(t.azimuth)) for t in self.thrusters
         )
+
+    @property
+    def _steered(self) -> set[str]:
+        """Names of the motors that are steered."""
+        return {rudder.motor for rudder in self.rudders if rudder.motor}
 
     @property
     def assumes_wind_area(self) -> bool:

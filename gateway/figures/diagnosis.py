@@ -53,6 +53,15 @@ def step_name(step: LadderStep) -> str:
     }[step.base]  # fmt: skip
 
 
+def told_steps(d: Diagnosis) -> list[tuple[str, LadderStep]]:
+    """The ladder, each step with its name; then the curve, where nothing in the catalogue is it."""
+    steps = [(step_name(step), step) for step in d.ladder]
+    if d.curve is None:
+        return steps
+    instead = "instead: " if d.curve_stands_alone else "+ "
+    return [*steps, (f"{instead}{d.curve.effects[-1]}", d.curve)]
+
+
 @dataclass(frozen=True)
 class LadderBar:
     """A step of the ladder: its name, the error after it, and its 95 % interval if there is one."""
@@ -64,7 +73,12 @@ class LadderBar:
     @classmethod
     def of(cls, step: LadderStep) -> "LadderBar":
         """The bar of a step of a diagnosis."""
-        return cls(step_name(step).replace("_", " "), step.heldout.nrmse, step.heldout.ci95)
+        return cls.named(step_name(step), step)
+
+    @classmethod
+    def named(cls, name: str, step: LadderStep) -> "LadderBar":
+        """The same under another name."""
+        return cls(name.replace("_", " "), step.heldout.nrmse, step.heldout.ci95)
 
 
 def ladder_bars(bars: Sequence[LadderBar], floor: float) -> FigureData:
@@ -224,7 +238,7 @@ def _course(
 
 def ladder(diagnosis: Diagnosis) -> FigureData:
     """The error on unseen time after each step, with its interval and the noise floor."""
-    steps = diagnosis.ladder
+    told, steps = zip(*told_steps(diagnosis), strict=True)
     x = np.arange(len(steps), dtype=float)
     error = np.array([step.heldout.nrmse for step in steps])
     low, high = np.array([step.heldout.ci95 or (step.heldout.nrmse,) * 2 for step in steps]).T
@@ -234,7 +248,7 @@ def ladder(diagnosis: Diagnosis) -> FigureData:
         Level(diagnosis.noise_floor, SeriesRole.FLOOR, FLOOR),
         Level(0.0, SeriesRole.CONTEXT),
     )
-    names = tuple(step_name(step).replace("base ", "base\n") for step in steps)
+    names = tuple(name.replace("base ", "base\n").replace(": ", ":\n") for name in told)
     panel = Panel(Axis("step"), NRMSE, marks, names=names)
     title = f"{diagnosis.vessel.name}: step by step"
     return FigureData(title, (panel,), caption=diagnosis.summary)

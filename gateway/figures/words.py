@@ -1,6 +1,6 @@
 """What results say, in plain words: the same in the terminal, in the report and in the studio."""
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -258,6 +258,9 @@ def _why_not(d: Diagnosis, step: LadderStep, tied: bool, contradicted: bool) -> 
     return f"{first}, with {more} {chosen.heldout.nrmse:.3f}."
 
 
+MISSING = "Something is missing that the catalogue does not hold."
+
+
 def said(effect: str) -> str:
     """The name of an effect as it stands in a sentence."""
     return effect.replace("_", " ")
@@ -268,6 +271,20 @@ def diagnosis_texts(d: Diagnosis) -> tuple[str, ...]:
     last = d.ladder[-1]
     light = too_light(last.base_parameters, last.vessel)
     return (*_answer_texts(d), *(f"{text}." for text in light))
+
+
+def _what_helps_texts(d: Diagnosis, found: Sequence[str]) -> tuple[str, ...]:
+    """Of an answer that nothing in the catalogue is: the curve that it looks like first, and what
+    `found` says of the effects that help, or only come near to that curve.
+    """
+    if d.curve is None:
+        return tuple(f"What helps, but not enough: {text}" for text in found)
+    curve = cause_text(d.curve, d.curve.effects[-1], d.start_time_ns)
+    looks = f"It looks like {curve[0].lower()}{curve[1:]}."
+    if not d.curve_stands_alone:
+        return (looks, *(f"What helps beside it: {text}" for text in found))
+    nearest = ", ".join(map(said, d.effects))
+    return (looks, f"Nearest to it in the catalogue, but not it: {nearest}.")
 
 
 def _answer_texts(d: Diagnosis) -> tuple[str, ...]:
@@ -292,8 +309,7 @@ def _answer_texts(d: Diagnosis) -> tuple[str, ...]:
                     "Nothing else is missing that these data could tell.")  # fmt: skip
         return ("Nothing is missing that these data could tell.",)
     if d.verdict is Verdict.UNKNOWN:
-        helps = tuple(f"What helps, but not enough: {text}" for text in found)
-        return ("Something is missing that the catalogue does not hold.", *helps)
+        return (MISSING, *_what_helps_texts(d, found))
     if d.verdict is Verdict.CONFOUNDED:
         return (*found, *(f"These data cannot tell that from another cause: {text}." for text in
                           (cause_text(s, s.effects[-1], begun) for s in rivals(d))))  # fmt: skip

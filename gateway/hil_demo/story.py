@@ -225,9 +225,8 @@ class Story:
             found = diagnose_logs([run.log], self._o.file("identified.toml"), progress=progress)
             save_diagnosis(found, save=saved, pictures=pictures, progress=progress)
         show_diagnosis(found, saved, None, pictures)
-        added = [
-            a for a in found.diagnosis.vessel.effects if a.effect.name in found.diagnosis.effects
-        ]
+        last = found.diagnosis.ladder[-1]
+        added = [a for a in last.vessel.effects if a.effect.name in last.effects]
         self._say(named_sentence(self._o.hidden, added))
         return found
 

@@ -104,7 +104,7 @@ class DiagnosisResult:
     @property
     def improves(self) -> bool:
         """Whether there is a vessel to write that is better than the one given."""
-        return bool(self.diagnosis.effects) or self.diagnosis.base_changed
+        return bool(self.diagnosis.best.effects) or self.diagnosis.base_changed
 
     @property
     def voyage_effects(self) -> list[str]:
@@ -141,10 +141,11 @@ class DiagnosisResult:
         """
         if self.contradicted:
             return self._steps_to_sensors(saved)
-        kept = saved is not None or (self.diagnosis.curve is None and not self._can_add(out))
+        written = out is not None or not self.diagnosis.best.effects
+        kept = saved is not None or (written and self.diagnosis.formula is None)
         save = [] if kept else [f"{self._again} --save diagnosis.json"]
-        beyond = self._steps_beyond_catalogue(saved)
-        return [*dict.fromkeys(self._plans), *save, *self._steps_to_better(saved, out), *beyond]
+        better, beyond = self._steps_to_better(saved, out), self._steps_beyond_catalogue(saved)
+        return [*save, *better, *self._steps_to_more, *beyond]
 
     @property
     def _vessel(self) -> str:
@@ -158,21 +159,21 @@ class DiagnosisResult:
     @property
     def _again(self) -> str:
         """The same diagnosis once more."""
-        logs = " ".join(map(shell_path, self.logs))
+        return self._again_with()
+
+    def _again_with(self, *more: str) -> str:
+        logs = " ".join([*map(shell_path, self.logs), *more])
         return f"shadow diagnose {logs} --vessel {self._vessel}{self.flags}{self._own}"
 
     @property
-    def _plans(self) -> list[str]:
-        """Manoeuvres that would tell more."""
+    def _steps_to_more(self) -> list[str]:
+        """Manoeuvres that would tell more, and the diagnosis with what they bring."""
         manoeuvre = (self.diagnosis.next_manoeuvre or "").partition(",")[0]
         excitations = [manoeuvre] if manoeuvre in BY_NAME else []
         excitations += [s.excitation for s in self.separations.values()]
         plan = f"shadow plan --vessel {self._vessel}{self._own}"
-        return [f"{plan} --excitation {name}" for name in excitations]
-
-    def _can_add(self, out: str | None) -> bool:
-        """Whether effects were found that no file has yet."""
-        return bool(self.diagnosis.effects) and not out
+        plans = [f"{plan} --excitation {name}" for name in dict.fromkeys(excitations)]
+        return [*plans, self._again_with("THE_NEW_LOG")] if plans else []
 
     def _add(self, names: Sequence[str], saved: str | None, out: str) -> str:
         """What puts effects into a vessel file."""
@@ -180,8 +181,11 @@ class DiagnosisResult:
         return (f"shadow add {' '.join(names)} --vessel {self._vessel} --from {source} "
                 f"--out {out}{self._own}")  # fmt: skip
 
-    def _add_curve(self, names: Sequence[str], saved: str | None) -> str:
-        return self._add(names, saved, shell_path(f"{Path(self.vessel_file).stem}-curve.toml"))
+    @property
+    def _better(self) -> str:
+        """The vessel file that is suggested, with what predicts best."""
+        kind = "better" if self.diagnosis.curve is None else "curve"
+        return f"{Path(self.vessel_file).stem}-{kind}.toml"
 
     def _steps_to_sensors(self, saved: str | None) -> list[str]:
         """Where sensors contradict one another: no effect of the boat's is told, but what such a
@@ -192,15 +196,18 @@ class DiagnosisResult:
         if curve is None:
             return steps
         save = [] if saved else [f"{self._again} --save diagnosis.json"]
-        return [*steps, *save, self._add_curve(curve.effects[-1:], saved)]
+        return [*steps, *save, self._add(curve.effects[-1:], saved, shell_path(self._better))]
 
     def _steps_to_better(self, saved: str | None, out: str | None) -> list[str]:
-        """From what was found to a better vessel file, and to the proof on another recording."""
-        better = shell_path(out or f"{Path(self.vessel_file).stem}-better.toml")
-        steps = []
-        if self._can_add(out):
-            steps.append(self._add(self.diagnosis.effects, saved, better))
-        if self.diagnosis.effects or (out and self.improves):
+        """From what predicts best to a better vessel file, and to the proof on another recording.
+
+        Where that is a curve, effects which help, but not enough, are in it, or are not offered.
+        """
+        better = shell_path(out or self._better)
+        steps, effects = [], self.diagnosis.best.effects
+        if effects and not out:
+            steps.append(self._add(effects, saved, better))
+        if effects or (out and self.improves):
             refit = " --refit voyage" if self.voyage_effects else ""
             both = f"--vessel {self._vessel} --vessel {better}"
             steps.append(f"shadow compare ANOTHER_LOG {both}{refit}{self.flags}{self._own}")
@@ -211,10 +218,8 @@ class DiagnosisResult:
         return steps
 
     def _steps_beyond_catalogue(self, saved: str | None) -> list[str]:
-        """The curve of what the catalogue does not hold, and the file of an effect of one's own."""
+        """The file of an effect of one's own, for what the catalogue does not hold."""
         curve, steps = self.diagnosis.curve, []
-        if curve is not None:
-            steps.append(self._add_curve(curve.effects, saved))
         if curve is not None and self.diagnosis.formula is not None:
             source = shell_path(saved or "diagnosis.json")
             steps.append(f"shadow effects {curve.effects[-1]} --write own.py --from {source}")
@@ -356,7 +361,7 @@ def save_diagnosis(
         save_figures(diagnosis_figures(found.diagnosis, found.trials), pictures)
     if out is not None and found.improves:
         diagnosis = DiagnosisFile.model_validate(found.to_dict())
-        names, source = found.diagnosis.effects, save or "the diagnosis"
+        names, source = found.diagnosis.best.effects, save or "the diagnosis"
         add_from_diagnosis(names, found.vessel_file, diagnosis, source, out, effects)
 
 

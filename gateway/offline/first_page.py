@@ -185,7 +185,7 @@ def _actions(found: Sequence[TrialComparison], answer: DiagnosisResult | None) -
     if not_borne_out(found):
         out.append("Do not use the vessel with what was found; record a longer run with more turns "
                    "and changes of speed: shadow plan writes one.")  # fmt: skip
-    elif d.effects:
+    elif d.best.effects:
         out.append("Use the better vessel file at the end of this report, and compare it with a "
                    "recording of another day.")  # fmt: skip
     elif answer.improves:

@@ -175,7 +175,7 @@ class LearntVessel:
     @property
     def vessels(self) -> tuple[Vessel, ...]:
         """What is compared: the fitted vessel, and that with the effects that were found."""
-        if self.answer is None or not self.answer.diagnosis.effects:
+        if self.answer is None or not self.answer.diagnosis.best.effects:
             return (self.plain,)
         return (self.plain, self.answer.diagnosis.vessel)
 

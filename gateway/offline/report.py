@@ -23,7 +23,14 @@ from typing import Any
 from gateway.errors import BadInput
 from gateway.figures import HEADING, FigureData, velocity_texts
 from gateway.figures.comparison import error_strips, missing_force_by_regime, vessel_errors
-from gateway.figures.diagnosis import LadderBar, evidence_figure, ladder_bars, ranking, timeline
+from gateway.figures.diagnosis import (
+    LadderBar,
+    evidence_figure,
+    ladder_bars,
+    ranking,
+    timeline,
+    told_steps,
+)
 from gateway.figures.html_report import ReportFigure, ReportPage, ReportRecording, render
 from gateway.figures.matplotlib_draw import svg_text
 from gateway.figures.motion import horizon_velocities, track
@@ -98,7 +105,7 @@ def make_report(
     if diagnose:
         coarse = replace(options, rate_hz=DIAGNOSIS_TRIALS.rate_hz)
         answer = diagnose_logs(logs, files[0], options=coarse, effects=more, progress=progress)
-        if answer.diagnosis.effects:
+        if answer.diagnosis.best.effects:
             vessels = distinct_vessels([*vessels, _improved_vessel(answer)])
     found = compare_by_trial(logs, vessels, options=options, progress=progress)
     progress("pictures")
@@ -124,7 +131,7 @@ def report_from_log(
     options = options.with_all(logs)
     learnt = learn_from(logs[0], given, options=options, effects=effects, progress=progress)
     vessels = [learnt.plain]
-    if learnt.answer is not None and learnt.answer.diagnosis.effects:
+    if learnt.answer is not None and learnt.answer.diagnosis.best.effects:
         vessels.append(_improved_vessel(learnt.answer))
     models = [Model.of(vessel) for vessel in vessels]
     found = compare_models(learnt.split.judge, models, None, progress)
@@ -181,7 +188,7 @@ def report_of(
 
 def _improved_vessel(answer: DiagnosisResult) -> Vessel:
     vessel = answer.diagnosis.vessel
-    added = " + ".join(answer.diagnosis.effects).replace("_", " ")
+    added = " + ".join(answer.diagnosis.best.effects).replace("_", " ")
     return replace(vessel, name=f"{vessel.name} + {added}")
 
 
@@ -268,7 +275,7 @@ def _figures(one: TrialComparison) -> list[ReportFigure]:
 def _ladder(answer: DiagnosisResult) -> ReportFigure:
     d = answer.diagnosis
     caption = "Each step is judged on time that its fit did not see."
-    bars = ladder_bars([LadderBar.of(step) for step in d.ladder], d.noise_floor)
+    bars = ladder_bars([LadderBar.named(*told) for told in told_steps(d)], d.noise_floor)
     return ReportFigure("The ladder", caption, svg_text(bars))
 
 

@@ -14,7 +14,7 @@ from rich.text import Text
 
 from gateway.errors import shell_path
 from gateway.figures import COLOUR, VELOCITIES, SeriesRole, probability_text
-from gateway.figures.diagnosis import step_name
+from gateway.figures.diagnosis import told_steps
 from gateway.figures.matplotlib_draw import save_figure
 from gateway.figures.motion import effect_example_figure, effect_with_values
 from gateway.figures.words import base_text, diagnosis_texts
@@ -47,7 +47,7 @@ def show_diagnosis(
     console.print(_ladder(d))
     last = d.ladder[-1]
     console.print(f"base: {base_text(d)}", markup=False)
-    if d.effects:
+    if d.effects and not d.curve_stands_alone:
         estimates = [e for numbers in last.parameters.values() for e in numbers]
         estimates += [e for e in last.base_parameters if e.name not in BASE]
         console.print(_parameters("what was found", map(_parameter_row, estimates)))
@@ -80,7 +80,8 @@ def show_diagnosis(
 
 
 def _ladder(d: Diagnosis) -> Table:
-    """Error on unseen time after each step, and what a perfect model would show.
+    """Error on unseen time after each step, with a curve where there is one, and what a perfect
+    model would show.
 
     Of several recordings also that on each by the fit without it.
     """
@@ -88,13 +89,13 @@ def _ladder(d: Diagnosis) -> Table:
     several = any(step.left_out for step in d.ladder)
     if several:
         table.add_column("recordings left out", justify="right")
-    for step in d.ladder:
+    for name, step in told_steps(d):
         ci, left_out = step.heldout.ci95, step.left_out
         table.add_row(
-            step_name(step), f"{step.heldout.nrmse:.3f}",
+            name, f"{step.heldout.nrmse:.3f}",
             f"{ci[0]:.3f} … {ci[1]:.3f}" if ci else "one block only",
             *([f"{left_out.nrmse:.3f}" if left_out else ""] if several else []),
-            end_section=step is d.ladder[-1],
+            end_section=step is d.best,
         )  # fmt: skip
     table.add_row("noise alone", f"{d.noise_floor:.3f}", "", *([""] if several else []))
     return table
@@ -176,12 +177,13 @@ def _voyage_effects(vessel: Vessel, names: Sequence[str]) -> list[str]:
 
 
 def _of_voyages(found: DiagnosisResult) -> list[str]:
-    names = _voyage_effects(found.diagnosis.vessel, found.diagnosis.effects)
+    best = found.diagnosis.best
+    names = _voyage_effects(best.vessel, best.effects)
     if not names:
         return []
     out = [f"{' and '.join(names)}: of this day; on another, compare with --refit voyage"]
     if len(found.trials) > 1:
-        effects = (a.effect for a in found.diagnosis.vessel.effects if a.effect.name in names)
+        effects = (a.effect for a in best.vessel.effects if a.effect.name in names)
         sudden = [effect.name for effect in effects if moment_of(effect) is not None]
         out += [f"{name}: its moment is one for all recordings, counted from the start of each; "
                 "one that fell into a recording is told by that recording alone"

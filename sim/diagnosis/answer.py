@@ -318,7 +318,7 @@ class ScoredFormula:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The whole answer; `vessel` is the best model found.
+    """The whole answer.
 
     noise_floor    nrmse of noise alone at most: by what the recordings state, or what is left by
                    the best step of the ladder or the curve, where that is less
@@ -343,7 +343,6 @@ class Diagnosis:
     depends_on: tuple[Dependence, ...]
     refused: tuple[Refusal, ...]
     noise_floor: float
-    vessel: Vessel
     noise_share: tuple[float, float, float]
     prior: float
     suggested: tuple[SuggestedManoeuvre, ...] = ()
@@ -351,6 +350,21 @@ class Diagnosis:
     curve: LadderStep | None = None
     formula: ScoredFormula | None = None
     start_time_ns: int = 0
+
+    @property
+    def best(self) -> LadderStep:
+        """What predicts unseen time best: the curve where there is one, else the last step."""
+        return self.curve or self.ladder[-1]
+
+    @property
+    def curve_stands_alone(self) -> bool:
+        """Whether the curve does without the effects of the last step: these only come near."""
+        return self.curve is not None and not set(self.effects) <= set(self.curve.effects)
+
+    @property
+    def vessel(self) -> Vessel:
+        """The best model found."""
+        return self.best.vessel
 
     @property
     def told_ranking(self) -> tuple[Candidate, ...]:

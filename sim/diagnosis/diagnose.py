@@ -187,7 +187,6 @@ def _diagnosed(
             *not_told_in_a_sea(selection, search.effects),
         ),
         noise_floor=found.told_floor(curve),
-        vessel=found.last.vessel,
         suggested=_suggested(selection, found.rivals, settings.plan, progress),
         noise_share=selection.fit.noise_share,
         alternatives=found.not_on_the_ladder(steps),

@@ -73,6 +73,7 @@ class Need(Enum):
     PORT_THRUSTER = "a thruster to port of the centre line"
     ARM = "a motor off the centre line, or one that is steered or points aside"
     STEERING = "a rudder or a steered motor"
+    FIXED_MOTOR = "a motor that is not steered"
 
 
 class Shown(Enum):

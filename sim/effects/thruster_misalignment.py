@@ -3,14 +3,14 @@
     α → α + angle
 
 α azimuth of a thruster [rad], angle [rad], clockwise positive. Valid for: brackets bent or mounted
-askew alike. Source: Fossen, Handbook of Marine Craft Hydrodynamics, 2nd ed. 2021, ch. 9 (thruster
-configuration matrix).
+askew alike; where all motors are steered an offset of the steering is the same. Source: Fossen,
+Handbook of Marine Craft Hydrodynamics, 2nd ed. 2021, ch. 9 (thruster configuration matrix).
 """
 
 from typing import Any
 
 from sim.body import Flow, ThrusterParameters
-from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope
+from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Need, Parameter, Scope
 from sim.effects.words import DEG, FittedValues
 
 
@@ -30,6 +30,7 @@ EFFECT = Effect(
     name="thruster_misalignment",
     scope=Scope.BOAT,
     turn=turn,
+    needs=(Need.FIXED_MOTOR,),
     parameters=(
         Parameter(
             "angle", "rad", lower=-0.8, upper=0.8, start=0.0, scale=0.02, neutral=0.0, sided=True

@@ -45,10 +45,12 @@ def step(*effects: str, error: float = 0.1) -> Any:
 
 def diagnosis(verdict: Verdict, *effects: str, floor: float = 0.1, error: float = 0.1) -> Any:
     tied = SimpleNamespace(effect="cg_offset", confounded_with=("heading_offset",))
+    last = step(*effects, error=error)
     return SimpleNamespace(
-        verdict=verdict, effects=effects, ladder=[step(error=error), step(*effects, error=error)],
+        verdict=verdict, effects=effects, ladder=[step(error=error), last], best=last,
         noise_floor=floor, ranking=[tied] if verdict is Verdict.CONFOUNDED else [],
-        alternatives=[step("cg_offset")], start_time_ns=0, base_changed=False,
+        alternatives=[step("cg_offset")], start_time_ns=0, base_changed=False, curve=None,
+        vessel=SimpleNamespace(effects=()),
     )  # fmt: skip
 
 
@@ -156,6 +158,22 @@ def test_the_first_sentence_is_what_matters_most(answer, first, more):
     assert ("cannot tell whether" in texts[0]) == (answer.noise_floor > 1.0)
     certain = answer.verdict is Verdict.EXPLAINED
     assert certain == (texts == (f"{COMPASS}.",))
+
+
+@pytest.mark.parametrize("alone", [True, False])
+def test_a_curve_is_told_before_what_only_comes_near_to_it(alone):
+    """Three sensor faults that were none were the headline, and a curve that was right was not."""
+    answer = diagnosis(Verdict.UNKNOWN, "heading_offset")
+    answer.curve = step("cg_offset" if alone else "heading_offset", error=0.05)
+    answer.curve_stands_alone = alone
+    first, looks, last = diagnosis_texts(answer)
+    assert first == "Something is missing that the catalogue does not hold."
+    assert looks.startswith("It looks like the c")
+    if alone:
+        assert last == "Nearest to it in the catalogue, but not it: heading offset."
+    else:
+        assert last == f"What helps beside it: {COMPASS}."
+    assert not any("not enough" in text for text in diagnosis_texts(answer))
 
 
 @pytest.mark.parametrize(

@@ -248,7 +248,8 @@ def test_the_next_commands_name_the_effects_of_ones_own(found):
     answer = found.diagnosis
     first = replace(answer.ranking[0], confounded_with=("heading_offset",))
     torn = replace(answer, verdict=Verdict.CONFOUNDED, ranking=(first, *answer.ranking[1:]))
-    refit = replace(answer, verdict=Verdict.ADEQUATE, effects=(), base_changed=True)
+    refit = replace(answer, verdict=Verdict.ADEQUATE, effects=(), base_changed=True,
+                    ladder=answer.ladder[:2])  # fmt: skip
     lines = [
         line
         for one in (answer, torn, refit)
@@ -280,10 +281,41 @@ def test_a_curve_is_added_from_an_answer_that_was_kept(found):
     used = next(i for i, line in enumerate(lines) if "--from diagnosis.json" in line)
     assert kept < used
     assert not any("--save" in line for line in told.next_steps("d.json", None))
-    both = replace(found, diagnosis=replace(found.diagnosis, curve=found.diagnosis.ladder[-1]))
-    written = [line.split("--out ")[1].split()[0] for line in both.next_steps("d.json", None)
-               if line.startswith("shadow add")]  # fmt: skip
-    assert len(written) == len(set(written)) == 2
+
+
+@pytest.mark.parametrize("beside", [False, True])
+def test_a_curve_comes_before_what_helps_but_not_enough(found, beside, capsys):
+    """`add cubic_drag` stood first, and the curve that did far better third, without a compare."""
+    answer, last = found.diagnosis, found.diagnosis.ladder[-1]
+    table = named("learned")
+    learned = AddedEffect(table, {p.name: p.start for p in table.parameters})
+    effects = (*answer.effects, "learned") if beside else ("learned",)
+    vessel = replace(last.vessel, effects=(*(last.vessel.effects if beside else ()), learned))
+    curve = replace(last, effects=effects, vessel=vessel)
+    told = replace(found, diagnosis=replace(answer, verdict=Verdict.UNKNOWN, curve=curve))
+    added, compared, *rest = told.next_steps("d.json", None)
+    assert added.startswith(f"shadow add {' '.join(effects)} --vessel ")
+    file = added.split("--out ")[1]
+    assert file.endswith("-curve.toml")
+    assert compared.startswith("shadow compare ANOTHER_LOG ")
+    assert f"--vessel {file}" in compared
+    assert not any(line.startswith("shadow add") for line in rest)
+    assert told.next_steps("d.json", "mine.toml")[0].split("--vessel ")[2].startswith("mine.toml")
+    assert told.diagnosis.curve_stands_alone is not beside
+    show_diagnosis(told, None, None, None)
+    assert ("what was found" in squeezed(capsys)) is beside
+
+
+def test_manoeuvres_come_with_the_diagnosis_that_uses_them(found):
+    first = replace(found.diagnosis.ranking[0], confounded_with=("heading_offset",))
+    torn = replace(found.diagnosis, verdict=Verdict.CONFOUNDED,
+                   ranking=(first, *found.diagnosis.ranking[1:]))  # fmt: skip
+    lines = replace(found, diagnosis=torn).next_steps("d.json", None)
+    assert lines[0].startswith("shadow add")
+    plans = [i for i, line in enumerate(lines) if line.startswith("shadow plan")]
+    assert plans
+    assert " THE_NEW_LOG --vessel" in lines[plans[-1] + 1]
+    assert not any("THE_NEW_LOG" in line for line in found.next_steps("d.json", None))
 
 
 def test_no_effect_is_begun_where_sensors_contradict_one_another(found):
@@ -355,9 +387,9 @@ def test_one_moment_for_several_recordings_is_told(found, capsys, recordings, to
     fault = named("thruster_fault")
     values = {"thruster": 1.0, "gain": 0.7, "time": 1.3}
     last = found.diagnosis.ladder[-1]
-    vessel = found.diagnosis.vessel.with_effects(AddedEffect(fault, values))
+    vessel = last.vessel.with_effects(AddedEffect(fault, values))
     step = replace(last, effects=("thruster_fault",), vessel=vessel, parameters={})
-    d = replace(found.diagnosis, effects=("thruster_fault",), vessel=vessel,
+    d = replace(found.diagnosis, effects=("thruster_fault",),
                 ladder=(*found.diagnosis.ladder[:-1], step))  # fmt: skip
     show_diagnosis(replace(found, diagnosis=d, trials=found.trials * recordings), None, None, None)
     assert ("its moment is one for all recordings" in squeezed(capsys)) is told
