@@ -15,7 +15,6 @@ from sim.diagnosis.answer import (
     recordings_of,
 )
 from sim.diagnosis.evidence import rivals
-from sim.diagnosis.thresholds import MAX_FLOORS_OF_GIVEN
 from sim.effects.effect import Effect
 from sim.effects.words import FittedValues
 from sim.identification import BASE, MASSES
@@ -103,11 +102,15 @@ def base_text(d: Diagnosis) -> str:
     if d.base_changed and _is_little(d.ladder[-1]):
         few = f"by less than {100.0 * LITTLE_MOVED:.0f} % each"
         return f"re-fitted, its numbers moved {few}{f': {numbers}' if numbers else ''}"
-    if d.base_changed:
-        return f"re-fitted, its numbers had to move{f': {numbers}' if numbers else ''}"
     if d.effects and numbers:
         return f"fitted along with what was found, its numbers moved: {numbers}"
-    if not d.effects and d.ladder[1].base is StepBase.REFITTED:
+    if d.effects:
+        return "its numbers hold as they were given"
+    if d.base_changed and d.base_may_hold:
+        return f"its numbers may hold as they were given; others do a little better: {numbers}"
+    if d.base_changed:
+        return f"re-fitted, its numbers had to move{f': {numbers}' if numbers else ''}"
+    if d.ladder[1].base is StepBase.REFITTED:
         return "its numbers stay as they were given: what a re-fit gains may be noise"
     return "its numbers hold as they were given"
 
@@ -300,7 +303,7 @@ def _answer_texts(d: Diagnosis) -> tuple[str, ...]:
             return ("These data cannot tell whether anything is missing: noise hides the motion.",)
         far = max((abs(share) for share, _ in _beyond_interval(last)), default=0.0)
         if d.base_changed and far > FAR_MOVED:
-            if d.ladder[0].heldout.nrmse <= MAX_FLOORS_OF_GIVEN * d.noise_floor:
+            if d.base_may_hold:
                 return ("Nothing is missing that these data could tell.",
                         "Other numbers than the vessel file's predict a little better "
                         f"({moved_numbers(last)}); errors of the measured velocities that last may "

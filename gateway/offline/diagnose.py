@@ -75,7 +75,12 @@ class DiagnosisResult:
     @property
     def _can_identify(self) -> bool:
         """Whether it is of use to fit the numbers: they had to move, and these data tell them."""
-        return self.diagnosis.base_changed and not runs_without_thrust(self.trials, self.before)
+        return self._base_is_off and not runs_without_thrust(self.trials, self.before)
+
+    @property
+    def _base_is_off(self) -> bool:
+        """Whether the numbers of the file had to move."""
+        return self.diagnosis.base_changed and not self.diagnosis.base_may_hold
 
     @property
     def found_beside(self) -> list[str]:
@@ -104,7 +109,7 @@ class DiagnosisResult:
     @property
     def improves(self) -> bool:
         """Whether there is a vessel to write that is better than the one given."""
-        return bool(self.diagnosis.best.effects) or self.diagnosis.base_changed
+        return bool(self.diagnosis.best.effects) or self._base_is_off
 
     @property
     def voyage_effects(self) -> list[str]:

@@ -362,6 +362,14 @@ class Diagnosis:
         return self.curve is not None and not set(self.effects) <= set(self.curve.effects)
 
     @property
+    def base_may_hold(self) -> bool:
+        """Whether the numbers as given err so little, and nothing else was found, that others may
+        do better by errors of the measured velocities that last: an exact file is no better known.
+        """
+        most = thresholds.MAX_FLOORS_OF_GIVEN * self.noise_floor
+        return self.verdict is Verdict.ADEQUATE and self.ladder[0].heldout.nrmse <= most
+
+    @property
     def vessel(self) -> Vessel:
         """The best model found."""
         return self.best.vessel

@@ -260,6 +260,18 @@ def test_the_next_commands_name_the_effects_of_ones_own(found):
     assert not any("--effects" in line for line in found.next_steps("d.json", None))
 
 
+def test_a_file_that_may_hold_is_not_sent_to_be_fitted(found):
+    """ "next: identify" spoiled an exact file: m33 6.7 where 5.2 was true."""
+    bare = replace(found.diagnosis, verdict=Verdict.ADEQUATE, effects=(), base_changed=True,
+                   ladder=found.diagnosis.ladder[:2])  # fmt: skip
+    error = bare.ladder[0].heldout.nrmse
+    for floor, holds in ((0.6 * error, True), (0.4 * error, False)):
+        told = replace(found, diagnosis=replace(bare, noise_floor=floor))
+        lines = told.next_steps("d.json", None)
+        assert any(line.startswith("shadow identify") for line in lines) is not holds
+        assert told.improves is not holds
+
+
 def test_the_next_commands_read_the_recordings_as_they_were_read(found):
     options = replace(DIAGNOSIS_TRIALS, mapping=Path("my map.toml"), system=3, anyway=True)
     told = replace(found, flags=options.flags)
