@@ -270,6 +270,12 @@ def _arm(seed: int) -> Iterator[Plan]:
         yield Plan(("lever_arm",), OPEN_LOOP if i % 2 else MISSIONS, misjudged=i > 1, boat=boat)
 
 
+def _play(seed: int) -> Iterator[Plan]:
+    """Steering that hangs loose; all pilots, half of the files off."""
+    for i in range(12):
+        yield Plan(("steering_play",), OPEN_LOOP if i % 2 else MISSIONS, misjudged=i % 4 > 1)
+
+
 def _once_each(names: Iterable[str]) -> list[Plan]:
     """More kinds of strangers, each open loop and on a mission."""
     return [Plan((name,), pilots) for pilots in (OPEN_LOOP, MISSIONS) for name in names]
@@ -296,6 +302,7 @@ FAMILIES: Mapping[str, Family] = {
     "unasked": lambda seed: _once_each(UNASKED),
     "scale": _scale,
     "arm": _arm,
+    "play": _play,
 }
 SMALL: Mapping[str, Family] = {
     "excitation": lambda seed: _all(OPEN_LOOP)[::4],

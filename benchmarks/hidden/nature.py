@@ -14,6 +14,7 @@ from benchmarks.hidden.outputs import Motor
 from benchmarks.hidden.rudder import blade
 from benchmarks.hidden.scene import Push, Report, Scene, Stream
 
+PUSH_S = 0.05  # in which a rudder that is pushed moves
 YAW, V_NORTH, V_EAST, R, SHAFTS = 2, 3, 4, 5, 6  # places in the state
 
 
@@ -24,6 +25,7 @@ class Cause:
     delay: float = 0.0  # s, until the motors hear a command
     shaft_lag: float = 0.0  # s, until a shaft turns as commanded
     rudder_lag: float = 0.0  # s, until a rudder stands as commanded
+    rudder_play: float = 0.0  # rad to either side, in which a rudder is not moved
     turned: float = 0.0  # rad, of all motors, clockwise
     arms: float = 1.0  # of the distance of all motors from the centre line
     rudder_turned: float = 0.0  # rad, of all rudders, to starboard
@@ -46,6 +48,7 @@ class Nature:
         self.delay = sum(c.delay for c in causes)
         self.shaft_lag = sum(c.shaft_lag for c in causes)
         self.rudder_lag = sum(c.rudder_lag for c in causes)
+        self.rudder_play = sum(c.rudder_play for c in causes)
         self.tired = math.prod(c.tired for c in causes)
         self.latency = sum(c.latency for c in causes)
         self._turned = sum(c.turned for c in causes)
@@ -68,7 +71,9 @@ class Nature:
         motors = len(self.boat.motors)
         asked, angles = self._shaft_speeds(commands[:motors]), self._angles(commands[motors:])
         shafts = state[SHAFTS : SHAFTS + motors] if self.shaft_lag else asked
-        stand = state[SHAFTS + motors :] if self.rudder_lag else angles
+        stand = state[SHAFTS + motors :]
+        if not (self.rudder_lag or self.rudder_play):
+            stand = angles
         push = self._push(scene, shafts, stand)
         u_dot, v_dot, r_dot = answer(scene.hull, scene.u, scene.v, scene.r, push)
         forward, starboard = u_dot - scene.r * scene.v, v_dot + scene.r * scene.u
@@ -81,7 +86,7 @@ class Nature:
             s * forward + c * starboard + water.east_dot,
             r_dot,
             *_following(asked, state[SHAFTS : SHAFTS + motors], self.shaft_lag),
-            *_following(angles, state[SHAFTS + motors :], self.rudder_lag),
+            *self._steering(angles, state[SHAFTS + motors :]),
         ]
 
     def water(self, time: float, north: float, east: float) -> Stream:
@@ -117,6 +122,16 @@ class Nature:
     def _angles(self, commands: Sequence[float]) -> list[float]:
         rudders = zip(commands, self.boat.rudders, strict=True)
         return [c * rudder.most * self._rudder_gain + self._rudder_turned for c, rudder in rudders]
+
+    def _steering(self, angles: Sequence[float], now: Sequence[float]) -> list[float]:
+        """Rates of the rudders, each pushed from where its play ends."""
+        if not self.rudder_play:
+            return _following(angles, now, self.rudder_lag)
+        pushed = [
+            max(min(n, a + self.rudder_play), a - self.rudder_play)
+            for a, n in zip(angles, now, strict=True)
+        ]
+        return _following(pushed, now, max(self.rudder_lag, PUSH_S))
 
     def _push(self, scene: Scene, shafts: Sequence[float], angles: Sequence[float]) -> Push:
         motors, rudders = self.boat.motors, list(zip(self.boat.rudders, angles, strict=True))

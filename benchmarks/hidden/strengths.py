@@ -194,7 +194,7 @@ SKID_ONLY = frozenset({
     "actuator_wiring", "thruster_imbalance", "thruster_fault", "lever_arm", "wake_of_the_other",
     "power_budget",
 })  # fmt: skip
-STEERED_ONLY = frozenset({"steering_lag", "steering_offset", "steering_scale"})
+STEERED_ONLY = frozenset({"steering_lag", "steering_offset", "steering_scale", "steering_play"})
 GROUPS: Mapping[str, tuple[str, ...]] = {
     "water": ("steady_current", "varying_current", "steady_wind", "inertial_force", "wave_motion"),
     "hull": ("cubic_drag", "drag_growth", "payload_change", "cg_offset", "cross_damping",
@@ -268,6 +268,13 @@ SCALES: Mapping[str, Recipe] = {  # came later still
     "steering_scale": _steering_scale,
 }
 ARMS: Mapping[str, Recipe] = {"lever_arm": _lever_arm}  # and later than these
+
+
+def _steering_play(b: Boat, d: Dice, k: float, seconds: float) -> Values:
+    return {"play": k * of(d, 0.04, 0.1)}
+
+
+PLAYS: Mapping[str, Recipe] = {"steering_play": _steering_play}  # the latest
 
 
 def _sea(b: Boat, d: Dice, k: float, seconds: float) -> Values:
@@ -396,7 +403,7 @@ UNLISTED: Mapping[str, Recipe] = {
 def strong(name: str, boat: Boat, dice: Dice, share: float, seconds: float) -> Values:
     """Parameters of a cause at a share of its full strength."""
     known = {
-        **RECIPES, **CHANGES, **LATER, **SCALES, **ARMS, **SEAS, **TRAINS,
+        **RECIPES, **CHANGES, **LATER, **SCALES, **ARMS, **PLAYS, **SEAS, **TRAINS,
         **STRANGE, **UNLISTED, **UNHEARD, **UNNAMED, **UNTOLD, **UNASKED,
     }  # fmt: skip
     return known[name](boat, dice, 1.0 if name in WHOLE else share, seconds)

@@ -24,6 +24,7 @@ from gateway.vessel_file import (
     which_effect,
 )
 from gateway.vessel_tables import AREAS_KEY, Listed, Provenance, VesselFile, Word
+from sim.diagnosis.answer import Verdict
 from sim.effects.effect import Effect
 from sim.effects.tables import Formula
 from sim.identification import AREAS, updated_vessel
@@ -84,6 +85,7 @@ class DiagnosisFile(Entry):
     """
 
     vessel: str
+    verdict: Word = ""
     vessel_numbers: dict[str, float] = Field(default_factory=dict)
     effects: tuple[str, ...]
     ladder: tuple[StepEntry, ...] = Field(min_length=1)
@@ -99,6 +101,7 @@ class AdditionResult:
     """The better vessel, the numbers that are new in it, and the error before and after.
 
     left_out  error on each recording by a fit without it; None of fewer than three
+    not_enough  the answer was that nothing in the catalogue is it, and these are of the catalogue
     """
 
     vessel: Vessel
@@ -107,6 +110,7 @@ class AdditionResult:
     after: float
     recordings: tuple[str, ...]
     left_out: float | None = None
+    not_enough: bool = False
 
     def to_dict(self) -> dict[str, object]:
         """The new numbers with their intervals, errors on unseen time before and after."""
@@ -163,6 +167,7 @@ def add_from_diagnosis(
     return AdditionResult(
         better, step.parameters, diagnosis.ladder[0].heldout_nrmse, step.heldout_nrmse,
         tuple(r.name for r in diagnosis.recordings), step.left_out_nrmse,
+        diagnosis.verdict == Verdict.UNKNOWN and not any(known[n].is_curve for n in names),
     )  # fmt: skip
 
 

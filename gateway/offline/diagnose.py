@@ -11,6 +11,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from gateway.errors import BadInput, numerical_errors, shell_path
 from gateway.figures.diagnosis import diagnosis_figures
 from gateway.figures.matplotlib_draw import save_figures
@@ -42,6 +44,7 @@ from sim.vessel import Vessel
 # A diagnosis compares means over 0.4 s: a finer grid costs three times as much and tells no more.
 DIAGNOSIS_TRIALS = TrialOptions(rate_hz=5.0)
 WORKERS = 2  # threads; the compiled kernels release the interpreter lock
+SPIN = "spin"  # an excitation on the spot
 DEFAULT_PATTERN = "always"  # of `Effect.pattern_for`: the pattern where no other is declared
 
 
@@ -153,6 +156,11 @@ class DiagnosisResult:
         return [*save, *better, *self._steps_to_more, *beyond]
 
     @property
+    def _can_spin(self) -> bool:
+        """Whether motors turn the boat on the spot: what is steered does so under way."""
+        return any(t.position[1] or np.sin(t.azimuth) for t in self.before.thrusters)
+
+    @property
     def _vessel(self) -> str:
         return shell_path(self.vessel_file)
 
@@ -177,7 +185,8 @@ class DiagnosisResult:
         excitations = [manoeuvre] if manoeuvre in BY_NAME else []
         excitations += [s.excitation for s in self.separations.values()]
         plan = f"shadow plan --vessel {self._vessel}{self._own}"
-        plans = [f"{plan} --excitation {name}" for name in dict.fromkeys(excitations)]
+        able = [name for name in dict.fromkeys(excitations) if name != SPIN or self._can_spin]
+        plans = [f"{plan} --excitation {name}" for name in able]
         return [*plans, self._again_with("THE_NEW_LOG")] if plans else []
 
     def _add(self, names: Sequence[str], saved: str | None, out: str) -> str:
@@ -231,7 +240,8 @@ class DiagnosisResult:
         elif self.diagnosis.verdict is Verdict.UNKNOWN:
             on = next((d.on for d in self.diagnosis.depends_on), "")
             like = curve.vessel.effects[-1].effect.pattern if curve is not None else ""
-            steps.append(f"shadow effects {like or pattern_for(on)} --write own.py")
+            pattern = like or pattern_for(on)
+            steps.append(f"shadow effects {pattern} --write own.py  # a pattern: put your law in")
         else:
             return steps
         return [*steps, f"{self._again} --effects own.py"]

@@ -134,6 +134,8 @@ def _ranking(d: Diagnosis) -> Table:
     ranking = d.told_ranking
     for row in ranking:
         chance = "not believed" if row.doubted else probability_text(row.probability)
+        if row.general_of in d.effects and not row.doubted:
+            chance = f"in {row.general_of}"
         table.add_row(
             row.effect, *([chance] if is_told else []),
             f"{row.heldout_nrmse:.3f}", f"{100.0 * row.alike:.0f} %",
@@ -241,6 +243,11 @@ def show_addition(
         console.print(
             f"on each recording by a fit without it: {done.left_out:.3f}"
             f"{_worse(done.left_out, done.before)}", markup=False,
+        )  # fmt: skip
+    if done.not_enough:
+        console.print(
+            "the diagnosis said that nothing in the catalogue is what is missing: what comes near "
+            "to it on one recording may do harm on another", markup=False,
         )  # fmt: skip
     console.path("written", out)
     refit = " --refit voyage" if _voyage_effects(done.vessel, names) else ""

@@ -103,6 +103,7 @@ def _widened(e: Estimate, ci95: tuple[float, float] | None) -> Estimate:
     return replace(e, ci95=ci95, doubt="; ".join(filter(None, (e.doubt, DOUBT))))
 
 
+ROUNDING = 1e-12  # of a sum of probabilities
 MOST = 0.5  # a share that is more is most of a thing
 
 
@@ -280,20 +281,29 @@ def among_believed(rows: Sequence[Candidate], doubted: Collection[str]) -> tuple
     """
     names = {row.effect for row in rows} - set(doubted)
     chance = {row.effect: row.probability if row.effect in names else 0.0 for row in rows}
-    lost = 0.0
     for row in rows:
-        if row.effect in names:
-            continue
-        if row.general_of in names:
+        if row.effect not in names and row.general_of in names:
             chance[row.general_of] += row.probability
-        else:
-            lost += row.probability
-    left = max(1.0 - lost, 1e-300)
+    none = 1.0 - sum(row.probability for row in rows)  # that of the base alone
+    left = sum(chance.values()) + (none if none > ROUNDING else 0.0)
     return tuple(
-        replace(row, probability=min(chance[row.effect] / left, 1.0),
+        replace(row, probability=chance[row.effect] / left if left else 0.0,
                 doubted=row.effect not in names)
         for row in rows
     )  # fmt: skip
+
+
+def with_general_in(rows: Sequence[Candidate], chosen: Collection[str]) -> tuple[Candidate, ...]:
+    """A ranking in which effects that were chosen hold the probability of more general ones: a
+    current that varies can always be a steady one, and was not clearly better.
+    """
+    held = {row.effect for row in rows} & set(chosen)
+    chance = {row.effect: row.probability for row in rows}
+    for row in rows:
+        if row.general_of in held:
+            chance[row.general_of] += chance[row.effect]
+            chance[row.effect] = 0.0
+    return tuple(replace(row, probability=min(chance[row.effect], 1.0)) for row in rows)
 
 
 def _correlation(one: Floats, other: Floats) -> float:
@@ -377,14 +387,15 @@ class Diagnosis:
     @property
     def told_ranking(self) -> tuple[Candidate, ...]:
         """The ranking as it is told: probabilities are among what is believed, and where something
-        was found among what lowers the error on unseen time too.
+        was found among what lowers the error on unseen time too. That of what can always stand in
+        for what was found is counted there.
         """
         doubted = {refusal.effect for refusal in self.refused if refusal.doubted}
         if self.effects:
             least = min(self.ladder[i].heldout.nrmse for i in (0, 1))
             rest = (row for row in self.ranking if row.effect not in self.effects)
             doubted |= {row.effect for row in rest if row.heldout_nrmse >= least}
-        return among_believed(self.ranking, doubted)
+        return with_general_in(among_believed(self.ranking, doubted), self.effects)
 
     @property
     def next_manoeuvre(self) -> str | None:

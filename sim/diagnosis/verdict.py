@@ -260,7 +260,7 @@ def summary_of(
         nearest = f"; nearest to it come{one} {names}, {fell}" if names and curve.replaces else ""
         if curve.over is not None and (less := _percent_less(curve.over)) > 0:
             below += f"; from one moment to the next it leaves {less} % less of the squared error"
-            below += f" than {' and '.join(curve.against) or 'the boat without it'}"
+            below += f" than {_against(curve.against, ladder[-1].effects)}"
         if curve.as_well:
             kinds = " or ".join(effect.looks_like for effect in curve.as_well)
             below += f"; as well does a curve that {kinds}"
@@ -284,6 +284,12 @@ def summary_of(
         rest = (f"what is left swings with a period of some {period:.1f} s, as in a sea, or under "
                 "a controller that hunts")  # fmt: skip
     return f"{known}something is missing that the catalogue does not hold: {rest}"
+
+
+def _against(names: Sequence[str], told: Sequence[str]) -> str:
+    """What a curve was held against: what was found, or else the best of the ranking."""
+    best = "" if set(names) <= set(told) else ", the first of the ranking"
+    return f"{' and '.join(names)}{best}" if names else "the boat without it"
 
 
 def _percent_less(g: Gain) -> int:

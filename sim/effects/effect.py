@@ -135,7 +135,9 @@ class Separation(NamedTuple):
 COAST_DOWN = Separation(
     "accelerate to full speed, then coast to a stop: without thrust only drag is left", "steps"
 )
-TURN_SLOW_AND_FAST = Separation("turn on the spot, then the same turns at speed", "spin")
+TURN_SLOW_AND_FAST = Separation(
+    "turn on the spot, or as slowly as she will, then the same turns at speed", "spin"
+)
 
 
 class ResidualForce(NamedTuple):

@@ -12,7 +12,7 @@ SMALLEST_DECIMALS, MOST_DECIMALS = 0, 3
 DEG = 180.0 / pi
 YEAR_2000_NS = 946_684_800 * 10**9  # a clock that says less was never set
 SECONDS_OF_DAY = 86_400
-NO_END = 1000.0  # times a number: data that allow so much set no limit
+NO_END = 10.0  # times a number: data that allow so much set no limit
 THAN = " than modelled"
 
 
@@ -36,7 +36,7 @@ class FittedValues:
         """How far a number is from neutral, whichever way: "7.5° AFTER (6.9–8.2°)".
 
         Ends that two digits do not tell apart are told with more: "55.6 % (55.5–55.7 %)". One that
-        is a thousand times as far as the number is no end: "849 N (anything from 0 N on)".
+        is ten times as far as the number is no end: "849 N (anything from 0 N on)".
         """
         value = factor * (self.values[name] - neutral)
         decimals = _decimals(value)
@@ -48,7 +48,8 @@ class FittedValues:
         text = _with_unit(f"{abs(value):.{decimals}f}", unit) + after
         if name not in self.ci95 or _alike(low, high, decimals):
             return text
-        if high > NO_END * max(abs(value), 10.0**-decimals) and low >= 0.0:
+        told = round(abs(value), decimals)
+        if told and high > NO_END * told and low >= 0.0:
             return f"{text} (anything from {_with_unit(f'{low:.{decimals}f}', unit)} on)"
         ends = (f"{end:.{decimals}f}".replace("-", "−") for end in (low, high))
         return f"{text} ({_with_unit((' to ' if low < 0.0 else '–').join(ends), unit)})"

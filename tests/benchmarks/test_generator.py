@@ -74,6 +74,7 @@ EXAMPLES = {
     "steering_lag": {"tau": 0.5},
     "steering_offset": {"angle": 0.1},
     "steering_scale": {"gain": 0.7},
+    "steering_play": {"play": 0.08},
     "thrust_scale": {"gain": 0.7},
     "lever_arm": {"gain": 0.6},
     "heading_offset": {"angle": 0.1},

@@ -23,6 +23,11 @@ def steering_lag(tau: float) -> Cause:
     return Cause(rudder_lag=tau)
 
 
+def steering_play(play: float) -> Cause:
+    """Rudders, or motors that turn, hang loose by `play` [rad] to either side."""
+    return Cause(rudder_play=play)
+
+
 def steering_offset(angle: float) -> Cause:
     """Amidships the rudders stand `angle` [rad] to starboard."""
     return Cause(rudder_turned=angle)
@@ -113,6 +118,6 @@ CAUSES: Mapping[str, Callable[..., Cause]] = {
         thruster_lag, command_delay, thruster_misalignment, thruster_deadband, thrust_curve,
         actuator_wiring, thruster_imbalance, reverse_loss, thruster_fault, battery_sag,
         advance_loss, astern_stall, steering_lag, steering_offset, thrust_scale, steering_scale,
-        lever_arm,
+        lever_arm, steering_play,
     )
 }  # fmt: skip

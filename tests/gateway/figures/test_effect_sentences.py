@@ -114,6 +114,7 @@ SENTENCES = (
      "7.5 m/s blows from 135° (south-east)"),
     ("steering_lag", {"tau": 0.3}, "the steering follows its command 0.30 s late"),
     ("steering_offset", {"angle": 0.1}, "stands 5.7° to starboard"),
+    ("steering_play", {"play": 0.1}, "play: it follows only beyond 5.7° to either side"),
     ("steering_scale", {"gain": 0.75}, "the steering turns 25 % less far than modelled"),
     ("thrust_curve", {"exponent": 2.0}, "half throttle works like 25 % throttle"),
     ("thruster_deadband", {"width": 0.08}, "do not answer the first 8.0 % of throttle"),
@@ -178,7 +179,8 @@ def test_a_moment_is_told_by_the_clock_where_one_was_set():
 @pytest.mark.parametrize(
     ("value", "ends", "told"),
     [(849.3, (0.0, 6.07e6), "849 N (anything from 0 N on)"),
-     (849.3, (120.0, 8e4), "849 N (120–80000 N)"),
+     (108.0, (0.0, 5937.0), "108 N (anything from 0 N on)"),
+     (849.3, (120.0, 8e3), "849 N (120–8000 N)"),
      (-849.3, (-6.07e6, -10.0), "849 N (anything from 10 N on)"),
      (1e-5, (0.0, 0.3), "0.000 N (0.000–0.300 N)")],
 )  # fmt: skip

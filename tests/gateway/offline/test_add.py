@@ -54,6 +54,17 @@ def test_what_was_ranked_but_not_chosen_is_added_with_numbers_of_its_own(
     assert read_vessel_file(better).provenance["heading_offset.angle"].recording == "voyage"
 
 
+@pytest.mark.parametrize("verdict", ["unknown", "explained"])
+def test_what_only_comes_near_is_added_with_a_warning(run, saved, folder, tmp_path, verdict):
+    told = json.loads(saved.read_text()) | {"verdict": verdict}
+    answer = tmp_path / "answer.json"
+    answer.write_text(json.dumps(told))
+    status, out, _ = run("add", "steady_current", "-v", folder / "boat.toml", "--from", answer,
+                            "--out", tmp_path / "better.toml")  # fmt: skip
+    assert status == 0
+    assert ("may do harm on another" in " ".join(out.split())) == (verdict == "unknown")
+
+
 @pytest.mark.parametrize("alike", [True, False])
 def test_what_all_recordings_have_alike_is_added_as_the_boats(run, saved, folder, tmp_path, alike):
     told = json.loads(saved.read_text())

@@ -168,5 +168,11 @@ def test_what_is_not_there_does_not_stand_out(
 
 def test_lags_plugs_and_curves_are_left_to_predictions() -> None:
     left = {e.name for e in EFFECTS if not acts_at_once(e)}
-    assert {"thruster_lag", "steering_lag", "actuator_wiring", "wave_motion"} <= left
+    assert {
+        "thruster_lag",
+        "steering_lag",
+        "steering_play",
+        "actuator_wiring",
+        "wave_motion",
+    } <= left
     assert not left & {"thruster_fault", "wind_change", "compass_deviation", "payload_change"}

@@ -35,6 +35,7 @@ def test_a_rich_voyage_is_refused_only_what_the_vessel_lacks_and_nobody_measured
         "steering_scale",
         "steering_offset",
         "steering_lag",
+        "steering_play",
         "battery_sag",
     }
     assert WAM_V.hull.wind_area == (0.0, 0.0)  # areas that nobody gave are assumed

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from sim.diagnosis.answer import Candidate, Diagnosis, among_believed
+from sim.diagnosis.answer import Candidate, Diagnosis, among_believed, with_general_in
 
 
 def candidate(effect: str, probability: float, general_of: str = "") -> Candidate:
@@ -41,9 +41,28 @@ def test_the_share_of_what_is_not_believed_is_that_of_all_others() -> None:
     }  # fmt: skip
 
 
+def test_what_is_left_of_next_to_nothing_is_still_one_in_all() -> None:
+    """100.0 % stood twice in one column, beside a rival that was not believed."""
+    rows = (candidate("curve", 3e-20), candidate("band", 1e-20), candidate("load", 1.0))
+    told = {row.effect: row.probability for row in among_believed(rows, ["load"])}
+    assert told == {"curve": pytest.approx(0.75), "band": pytest.approx(0.25), "load": 0.0}
+    alone = among_believed((candidate("load", 1.0),), ["load"])
+    assert [row.probability for row in alone] == [0.0]
+
+
 def test_where_all_is_believed_nothing_changes() -> None:
     assert among_believed(RANKING, ["cubic_drag"]) == RANKING
     assert among_believed((), []) == ()
+
+
+def test_what_can_stand_in_for_what_was_found_is_no_rival_of_it() -> None:
+    """A varying current stood with 87.5 % beside the steady one of the verdict with 12.5 %."""
+    told = {row.effect: row.probability for row in with_general_in(RANKING, ["steady_current"])}
+    assert told == {
+        "steady_current": pytest.approx(0.96), "current_change": 0.0, "steady_wind": 0.02,
+    }  # fmt: skip
+    assert with_general_in(RANKING, ["current_change"]) == RANKING
+    assert with_general_in(RANKING[1:], ["steady_current"]) == RANKING[1:]
 
 
 def told_beside(effects: tuple[str, ...], *errors: float) -> dict[str, float]:

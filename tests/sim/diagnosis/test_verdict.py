@@ -291,11 +291,11 @@ def test_a_curve_in_the_place_of_an_effect_is_told_before_it() -> None:
 
     def said(
         *effects: str, formula: Any = None, as_well: tuple[Effect, ...] = (), over: Any = None,
-        contradictions: tuple[str, ...] = (),
+        contradictions: tuple[str, ...] = (), against: tuple[str, ...] = ("hull_lift",),
     ) -> str:  # fmt: skip
         below: Any = SimpleNamespace(
             step=step(0.2, *effects), replaces=len(effects) == 1, description="a force",
-            formula=formula, as_well=as_well, over=over, against=("hull_lift",),
+            formula=formula, as_well=as_well, over=over, against=against,
         )  # fmt: skip
         return summary_of(
             Verdict.UNKNOWN, ladder, [[]], [], 0.1, below, contradictions=contradictions
@@ -314,7 +314,10 @@ def test_a_curve_in_the_place_of_an_effect_is_told_before_it() -> None:
     assert "moment" not in instead
     closer = said("x", over=gained(100.0))  # Gain.ratio 1.2
     assert "(noise 0.100); from one moment to the next it leaves 17 % less of the" in closer
-    assert "squared error than hull_lift" in closer
+    assert "squared error than hull_lift; nearest" in closer
+    first = said("x", over=gained(100.0), against=("battery_sag",))
+    assert "than battery_sag, the first of the ranking; nearest" in first
+    assert "than the boat without it; nearest" in said("x", over=gained(100.0), against=())
     assert "moment" not in said("x", over=gained(100.0)._replace(ratio=1.0))
     lag = said("x", contradictions=("yaw comes late",))
     assert (

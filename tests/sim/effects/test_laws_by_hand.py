@@ -163,6 +163,9 @@ def test_commands_angles_and_lags_are_what_their_equations_give() -> None:
     assert law("steering_scale", "angle")(0.4, BLADE, p(gain=0.75)) == pytest.approx(0.3)
     assert law("steering_offset", "angle")(0.3, BLADE, p(angle=-0.1)) == pytest.approx(0.2)
     assert law("steering_lag", "angle_rate")(0.3, 0.1, BLADE, p(tau=0.5)) == pytest.approx(0.4)
+    play = law("steering_play", "angle_rate")
+    behind = [play(δ, 0.1, BLADE, p(play=0.05)) for δ in (0.12, 0.06, 0.3, -0.2)]
+    assert behind == pytest.approx([0.0, 0.0, 1.5, -2.5])
     assert law("thruster_lag", "thrust_rate")(90.0, 60.0, DRIVE, p(tau=0.5)) == pytest.approx(60.0)
     assert law("command_delay", "delay")(p(delay=0.7)) == 0.7
     assert law("velocity_latency", "latency")(p(delay=0.7)) == 0.7
