@@ -264,6 +264,9 @@ def _dynamics(size: BoatSize, thrust: float) -> Dynamics:
     )  # fmt: skip
 
 
+A_BLADE = "assumed a blade: measure it; of a motor that turns write"
+
+
 def _provenance(vessel: Vessel, given: frozenset[str]) -> dict[str, Provenance]:
     guessed = Provenance(says=f"{GUESSED}: identify it")
     marks = {f"dynamics.{name}": guessed for name in BASE}
@@ -278,8 +281,10 @@ def _provenance(vessel: Vessel, given: frozenset[str]) -> dict[str, Provenance]:
         marks[f"{key}.pwm"] = Provenance(says="from the log's parameters")
     for rudder in vessel.rudders:
         key = f"rudders.{rudder.name}"
-        for number in ("position", "angle", "area"):
+        for number in ("position", "angle"):
             marks[f"{key}.{number}"] = Provenance(says="assumed: measure it")
+        turns = f'motor = "{vessel.thrusters[0].name}"'
+        marks[f"{key}.area"] = Provenance(says=f"{A_BLADE}: {turns}, without area and wash")
         marks[f"{key}.wash"] = Provenance(says="assumed: the thruster ahead of the blade, if any")
         marks[f"{key}.pwm"] = Provenance(says="from the log's parameters")
     return marks

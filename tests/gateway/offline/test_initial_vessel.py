@@ -81,6 +81,9 @@ def test_what_is_guessed_of_a_rudder_is_marked(tmp_path: Path) -> None:
     )
     for number in ("position", "angle", "area", "wash"):
         assert "assumed" in made.provenance[f"rudders.rudder.{number}"].says
+    assert (
+        'of a motor that turns write: motor = "main"' in made.provenance["rudders.rudder.area"].says
+    )
     assert made.provenance["rudders.rudder.pwm"].says == "from the log's parameters"
 
 
