@@ -23,6 +23,7 @@ from benchmarks.hidden.strengths import (
     LASTING,
     LATER,
     OF_A_VOYAGE,
+    PLAYS,
     RECIPES,
     SCALES,
     SEAS,
@@ -271,9 +272,10 @@ def _arm(seed: int) -> Iterator[Plan]:
 
 
 def _play(seed: int) -> Iterator[Plan]:
-    """Steering that hangs loose; all pilots, half of the files off."""
-    for i in range(12):
-        yield Plan(("steering_play",), OPEN_LOOP if i % 2 else MISSIONS, misjudged=i % 4 > 1)
+    """Steering that hangs loose, or is slow; all pilots, half of the files off."""
+    for name in PLAYS:
+        for i in range(8):
+            yield Plan((name,), OPEN_LOOP if i % 2 else MISSIONS, misjudged=i % 4 > 1)
 
 
 def _once_each(names: Iterable[str]) -> list[Plan]:

@@ -26,6 +26,7 @@ class Cause:
     shaft_lag: float = 0.0  # s, until a shaft turns as commanded
     rudder_lag: float = 0.0  # s, until a rudder stands as commanded
     rudder_play: float = 0.0  # rad to either side, in which a rudder is not moved
+    rudder_rate: float = math.inf  # rad/s, that a rudder turns at most
     turned: float = 0.0  # rad, of all motors, clockwise
     arms: float = 1.0  # of the distance of all motors from the centre line
     rudder_turned: float = 0.0  # rad, of all rudders, to starboard
@@ -49,6 +50,10 @@ class Nature:
         self.shaft_lag = sum(c.shaft_lag for c in causes)
         self.rudder_lag = sum(c.rudder_lag for c in causes)
         self.rudder_play = sum(c.rudder_play for c in causes)
+        self.rudder_rate = min((c.rudder_rate for c in causes), default=math.inf)
+        self._stands_apart = bool(self.rudder_lag or self.rudder_play) or (
+            self.rudder_rate < math.inf
+        )
         self.tired = math.prod(c.tired for c in causes)
         self.latency = sum(c.latency for c in causes)
         self._turned = sum(c.turned for c in causes)
@@ -71,9 +76,7 @@ class Nature:
         motors = len(self.boat.motors)
         asked, angles = self._shaft_speeds(commands[:motors]), self._angles(commands[motors:])
         shafts = state[SHAFTS : SHAFTS + motors] if self.shaft_lag else asked
-        stand = state[SHAFTS + motors :]
-        if not (self.rudder_lag or self.rudder_play):
-            stand = angles
+        stand = state[SHAFTS + motors :] if self._stands_apart else angles
         push = self._push(scene, shafts, stand)
         u_dot, v_dot, r_dot = answer(scene.hull, scene.u, scene.v, scene.r, push)
         forward, starboard = u_dot - scene.r * scene.v, v_dot + scene.r * scene.u
@@ -124,14 +127,15 @@ class Nature:
         return [c * rudder.most * self._rudder_gain + self._rudder_turned for c, rudder in rudders]
 
     def _steering(self, angles: Sequence[float], now: Sequence[float]) -> list[float]:
-        """Rates of the rudders, each pushed from where its play ends."""
-        if not self.rudder_play:
-            return _following(angles, now, self.rudder_lag)
+        """Rates of the rudders, each pushed from where its play ends, as fast as it can turn."""
+        if not self._stands_apart:
+            return _following(angles, now, 0.0)
         pushed = [
             max(min(n, a + self.rudder_play), a - self.rudder_play)
             for a, n in zip(angles, now, strict=True)
         ]
-        return _following(pushed, now, max(self.rudder_lag, PUSH_S))
+        rates = _following(pushed, now, self.rudder_lag or PUSH_S)
+        return [max(min(rate, self.rudder_rate), -self.rudder_rate) for rate in rates]
 
     def _push(self, scene: Scene, shafts: Sequence[float], angles: Sequence[float]) -> Push:
         motors, rudders = self.boat.motors, list(zip(self.boat.rudders, angles, strict=True))

@@ -194,7 +194,8 @@ SKID_ONLY = frozenset({
     "actuator_wiring", "thruster_imbalance", "thruster_fault", "lever_arm", "wake_of_the_other",
     "power_budget",
 })  # fmt: skip
-STEERED_ONLY = frozenset({"steering_lag", "steering_offset", "steering_scale", "steering_play"})
+STEERED_ONLY = frozenset({"steering_lag", "steering_offset", "steering_scale", "steering_play",
+                          "steering_rate"})  # fmt: skip
 GROUPS: Mapping[str, tuple[str, ...]] = {
     "water": ("steady_current", "varying_current", "steady_wind", "inertial_force", "wave_motion"),
     "hull": ("cubic_drag", "drag_growth", "payload_change", "cg_offset", "cross_damping",
@@ -274,7 +275,14 @@ def _steering_play(b: Boat, d: Dice, k: float, seconds: float) -> Values:
     return {"play": k * of(d, 0.04, 0.1)}
 
 
-PLAYS: Mapping[str, Recipe] = {"steering_play": _steering_play}  # the latest
+def _steering_rate(b: Boat, d: Dice, k: float, seconds: float) -> Values:
+    return {"rate": of(d, 0.12, 0.25) / k}
+
+
+PLAYS: Mapping[str, Recipe] = {  # the latest
+    "steering_play": _steering_play,
+    "steering_rate": _steering_rate,
+}
 
 
 def _sea(b: Boat, d: Dice, k: float, seconds: float) -> Values:

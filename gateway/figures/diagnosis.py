@@ -109,7 +109,9 @@ def diagnosis_figures(diagnosis: Diagnosis, trials: Sequence[Trial]) -> dict[str
 
 def evidence_figures(diagnosis: Diagnosis, trials: Sequence[Trial]) -> dict[str, FigureData]:
     """Of each effect that was found, and of the curve beside or in the place of them, by name."""
-    out = {found.effect: evidence_figure(found) for found in evidence_of(diagnosis, trials)}
+    each = {found.effect: evidence_figure(found) for found in evidence_of(diagnosis, trials)}
+    first = diagnosis.curve.effects[-1:] if diagnosis.curve else ()
+    out = {name: each[name] for name in (*first, *each) if name in each}
     steps = [diagnosis.ladder[-1], *([diagnosis.curve] if diagnosis.curve else [])]
     for step in steps:
         for added in step.vessel.effects:

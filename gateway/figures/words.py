@@ -226,7 +226,7 @@ def why_not_texts(
     out = {each.effect: f"{shown[each.doubted]}: {each.reason}." for each in d.refused}
     for step in d.alternatives:
         name = step.effects[-1]
-        if name not in d.effects and name not in out:
+        if name not in d.effects and name not in d.best.effects and name not in out:
             text = _why_not(d, step, name in tied, name in contradicted)
             if name in chance and d.effects and chance[d.effects[0]] > chance[name]:
                 best, own = probability_text(chance[d.effects[0]]), probability_text(chance[name])

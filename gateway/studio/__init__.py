@@ -170,6 +170,7 @@ class DiagnosisView:
     before  effects that the vessel had when it was diagnosed
     motion  effects of a step -> velocities measured, without its last effect, and with it
     why_not effect that was not chosen -> why, in a sentence
+    curve   effects of the step with the curve, where nothing in the catalogue is it: an alternative
     """
 
     answer: Mapping[str, Any]
@@ -186,6 +187,16 @@ class DiagnosisView:
     causes: Mapping[str, str] = field(default_factory=dict)
     motion: Mapping[tuple[str, ...], FigureData] = field(default_factory=dict)
     why_not: Mapping[str, str] = field(default_factory=dict)
+    curve: tuple[str, ...] = ()
+
+    @property
+    def curve_stands_alone(self) -> bool:
+        """Whether the curve does without the effects of the last step: these only come near."""
+        return bool(self.curve) and not set(self.steps[-1].effects) <= set(self.curve)
+
+    def is_advised(self, step: LadderView) -> bool:
+        """Whether a step leads to what predicts unseen time best."""
+        return step.effects == self.curve or (step in self.steps and not self.curve_stands_alone)
 
     def up_to(self, step: LadderView) -> tuple[LadderView, ...]:
         """The steps on the way to one, and itself."""
@@ -206,10 +217,11 @@ class DiagnosisView:
         return effects[n:] if effects[:n] == self.before else None
 
     def next_steps(self, effects: tuple[str, ...]) -> list[LadderView]:
-        """The steps that can be added to these effects, the one that was chosen first."""
+        """The steps that can be added to these effects, the one that is advised first."""
         others = (one.step for one in self.alternatives if not one.contradicted)
         every = (*self.steps, *others)
-        return [step for step in every if step.effects and step.effects[:-1] == effects]
+        can = [step for step in every if step.effects and step.effects[:-1] == effects]
+        return sorted(can, key=lambda step: not self.is_advised(step))
 
 
 LAYOUT_FILE = "studio-layout.json"

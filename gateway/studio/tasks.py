@@ -254,6 +254,7 @@ def diagnose_task(
     d, alternatives = found.diagnosis, _alternatives(found, others)
     against = [one.step.effects[-1] for one in alternatives if one.contradicted]
     tried = [one.name for one in (*known_effects(), *effects) if not one.is_curve]
+    curve = d.curve.effects if d.curve else ()
     own = {added.effect.name for added in found.before.effects}
     return DiagnosisView(
         answer=found.to_dict(),
@@ -266,10 +267,12 @@ def diagnose_task(
         separations=tuple(s.description for s in found.separations.values()),
         alternatives=alternatives,
         headlines=diagnosis_texts(d),
-        causes={name: cause_text(d.ladder[-1], name) for name in d.ladder[-1].effects},
+        causes={name: cause_text(step, name) for step in (d.ladder[-1], d.best)
+                for name in step.effects},
         motion=_motions(found, [one.step.effects for one in alternatives if one.evidence]),
         why_not=why_not_texts(d, [name for name in tried if name not in own], against),
-    )
+        curve=curve,
+    )  # fmt: skip
 
 
 def _motions(
@@ -340,7 +343,8 @@ def _alternatives(
         effect, rival = step.effects[-1], any(step is t for t in tied)
         proof = evidence_on(step, effect, found.trials)
         against = proof is not None and proof.contradicts
-        shown = rival or (step.heldout.nrmse < least and effect not in d.effects)
+        told = {*d.effects, *d.best.effects}  # its evidence stands with what was found
+        shown = rival or (step.heldout.nrmse < least and effect not in told)
         figure = evidence_figure(proof) if proof and shown and not against else None
         out.append(AlternativeView(view, rival, against, figure))
     return tuple(out)

@@ -14,7 +14,7 @@ NAMES = """
     actuator_wiring thruster_deadband thrust_curve reverse_loss thruster_imbalance thruster_fault
     thrust_scale lever_arm battery_sag advance_loss astern_stall
     thruster_lag command_delay thruster_misalignment
-    steering_scale steering_offset steering_lag steering_play
+    steering_scale steering_offset steering_lag steering_play steering_rate
     antenna_offset velocity_latency compass_deviation heading_offset yaw_rate_bias
     learned learned_drag learned_spot learned_profile learned_map learned_history
     learned_rhythm learned_pair learned_reading learned_anomaly

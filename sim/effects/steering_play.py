@@ -61,7 +61,6 @@ EFFECT = Effect(
     mistaken_for=("steering_lag", "steering_scale", "command_delay"),
     shown_by=(Shown.COMMANDS,),
     evidence=EvidenceAxis(ForceAxis.YAW, "helm_change"),
-    separated={"steering_lag": SMALL_AND_LARGE, "steering_scale": SMALL_AND_LARGE,
-               "command_delay": SMALL_AND_LARGE},
+    separated=dict.fromkeys(("steering_lag", "steering_scale", "command_delay"), SMALL_AND_LARGE),
     in_words=in_words,
-)  # fmt: skip
+)

@@ -2,15 +2,23 @@
 
     reported r = r + bias        bias [rad/s]
 
-Valid for: hours of a MEMS gyro in even temperature; heading is not touched. Source: Groves,
-Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems, 2nd ed. 2013, §4.4.1.
+Valid for: hours of a MEMS gyro in even temperature; heading is not touched: what the gyro reads too
+much its sum turns beyond the heading. Source: Groves, Principles of GNSS, Inertial and Multisensor
+Integrated Navigation Systems, 2nd ed. 2013, §4.4.1.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from sim.body import Report
-from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope
+from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Values
 from sim.effects.words import DEG, FittedValues
+from sim.state import Eta, Nu
+
+PLAIN = 0.01  # rad/s: of less an estimate of the heading may have taken a part
+LEAST_SHARE = 0.3  # of a bias that the heading has to show
 
 
 def observe(report: Report, p: Any) -> Report:
@@ -26,6 +34,27 @@ def observe(report: Report, p: Any) -> Report:
         report.v_dot,
         report.r_dot,
     )
+
+
+def disbelieved(values: Values, trials: Sequence[Any]) -> str:
+    """Why a bias cannot be true of these trials: the heading goes with the gyro."""
+    bias = values["bias"]
+    if abs(bias) < PLAIN or any(beyond_heading(t) / bias > LEAST_SHARE for t in trials):
+        return ""
+    apart = max((beyond_heading(t) for t in trials), key=abs, default=0.0)
+    return (
+        f"a bias of {DEG * bias:.1f} °/s would turn the gyro's sum away from the heading, and the "
+        f"two part by {round(DEG * apart, 1) + 0.0:.1f} °/s"
+    )
+
+
+def beyond_heading(trial: Any) -> float:
+    """By how much the yaw rate turns faster than the heading, over usable time [rad/s]."""
+    usable = np.asarray(trial.usable, bool)
+    both = usable[1:] & usable[:-1]
+    r, turned = trial.nu[:, Nu.R], np.diff(np.unwrap(trial.eta[:, Eta.YAW]))
+    steps = (0.5 * (r[1:] + r[:-1]) * trial.dt - turned)[both]
+    return float(steps.mean() / trial.dt) if len(steps) else 0.0
 
 
 def in_words(p: FittedValues) -> str:
@@ -47,5 +76,6 @@ EFFECT = Effect(
     looks_like="a turn rate that is off by the same amount always, at rest too, while the heading "
     "does not follow",
     evidence=EvidenceAxis(ForceAxis.YAW, "time"),
+    disbelieved=disbelieved,
     in_words=in_words,
 )

@@ -75,6 +75,7 @@ EXAMPLES = {
     "steering_offset": {"angle": 0.1},
     "steering_scale": {"gain": 0.7},
     "steering_play": {"play": 0.08},
+    "steering_rate": {"rate": 0.15},
     "thrust_scale": {"gain": 0.7},
     "lever_arm": {"gain": 0.6},
     "heading_offset": {"angle": 0.1},

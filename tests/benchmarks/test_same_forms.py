@@ -66,7 +66,14 @@ OTHER_NAMES = {
 }  # fmt: skip
 STRIPS = {"crossflow_drag": {"drag": 60.0}}  # nature has more of them
 # nothing at one moment
-IN_TIME = {"thruster_lag", "steering_lag", "steering_play", "command_delay", "velocity_latency"}
+IN_TIME = {
+    "thruster_lag",
+    "steering_lag",
+    "steering_play",
+    "command_delay",
+    "velocity_latency",
+    "steering_rate",
+}
 SENSORS = {"heading_offset", "compass_deviation", "antenna_offset", "yaw_rate_bias"}
 
 

@@ -28,6 +28,11 @@ def steering_play(play: float) -> Cause:
     return Cause(rudder_play=play)
 
 
+def steering_rate(rate: float) -> Cause:
+    """Rudders, or motors that turn, do so by `rate` [rad/s] at most."""
+    return Cause(rudder_rate=rate)
+
+
 def steering_offset(angle: float) -> Cause:
     """Amidships the rudders stand `angle` [rad] to starboard."""
     return Cause(rudder_turned=angle)
@@ -118,6 +123,6 @@ CAUSES: Mapping[str, Callable[..., Cause]] = {
         thruster_lag, command_delay, thruster_misalignment, thruster_deadband, thrust_curve,
         actuator_wiring, thruster_imbalance, reverse_loss, thruster_fault, battery_sag,
         advance_loss, astern_stall, steering_lag, steering_offset, thrust_scale, steering_scale,
-        lever_arm, steering_play,
+        lever_arm, steering_play, steering_rate,
     )
 }  # fmt: skip

@@ -255,7 +255,7 @@ class DiagnosePage(Page):
         rows = []
         for step in diagnosis.next_steps(below)[:MOST_CANDIDATES]:
             effect, there = step.effects[-1], step.effects == now
-            kind = "primary" if step in diagnosis.steps and not there else "default"
+            kind = "primary" if diagnosis.is_advised(step) and not there else "default"
             text = "Added" if there else "Instead" if len(step.effects) == len(now) else "Add"
             add = button(text, self._climber(step), kind, width=90, disabled=there)
             says = escape(step.says or said(effect))
@@ -324,7 +324,8 @@ def _rest(diagnosis: DiagnosisView) -> str:
     """Numbers found, what is left, what would settle it, what could not be judged."""
     answer, parts = diagnosis.answer, []
     rows = []
-    for effect, numbers in answer["ladder"][-1]["parameters"].items():
+    told = {} if diagnosis.curve_stands_alone else answer["ladder"][-1]["parameters"]
+    for effect, numbers in told.items():
         for name, n in numbers.items():
             unit, many = peoples_unit(n["unit"])
             value, low, high = (many * x for x in (n["value"], *n["ci95"]))

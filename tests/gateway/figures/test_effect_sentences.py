@@ -115,6 +115,7 @@ SENTENCES = (
     ("steering_lag", {"tau": 0.3}, "the steering follows its command 0.30 s late"),
     ("steering_offset", {"angle": 0.1}, "stands 5.7° to starboard"),
     ("steering_play", {"play": 0.1}, "play: it follows only beyond 5.7° to either side"),
+    ("steering_rate", {"rate": 0.15}, "the steering turns no faster than 8.6 °/s"),
     ("steering_scale", {"gain": 0.75}, "the steering turns 25 % less far than modelled"),
     ("thrust_curve", {"exponent": 2.0}, "half throttle works like 25 % throttle"),
     ("thruster_deadband", {"width": 0.08}, "do not answer the first 8.0 % of throttle"),

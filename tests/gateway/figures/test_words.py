@@ -306,7 +306,7 @@ def rejected(*, alone: float, found: float = 0.12, base: float = 0.6, tied: bool
         effects=("heading_offset",),
         ladder=[step(error=0.7), step(error=base), step("heading_offset", error=found)],
         alternatives=[step("cg_offset", error=alone)],
-        ranking=rows, told_ranking=rows,
+        ranking=rows, told_ranking=rows, best=step("heading_offset", error=found),
         refused=[Refusal("battery_sag", "the voltage hardly changed"),
                  Refusal("antenna_offset", "it wins nothing elsewhere", doubted=True)],
     )  # fmt: skip
@@ -336,9 +336,15 @@ def test_why_a_cause_was_not_chosen_is_said_as_it_is(d, against, says, not_said)
     assert "it was not fitted" in texts["hull_lift"]
 
 
+def test_of_a_curve_it_is_not_said_why_it_was_not_chosen():
+    d = rejected(alone=0.05)
+    d.best = d.alternatives[0]
+    assert "cg_offset" not in why_not_texts(d, ("heading_offset", "cg_offset"))
+
+
 def test_nothing_was_chosen_and_that_is_said_of_the_others_too():
     d = rejected(alone=0.5)
-    d.effects, d.ladder = (), d.ladder[:2]
+    d.effects, d.ladder, d.best = (), d.ladder[:2], d.ladder[1]
     assert "not enough to be sure of it" in why_not_texts(d, ())["cg_offset"]
 
 

@@ -96,6 +96,20 @@ def test_a_cause_that_its_own_evidence_contradicts_is_not_offered(session):
         assert (rival in one.next_steps(())) != contradicted
 
 
+@pytest.mark.parametrize("beside", [False, True])
+def test_a_curve_that_does_without_effects_is_what_is_advised(session, beside):
+    """It was the last button of the page, below six that add what only comes near."""
+    found, below = diagnosis_on(session), ("a", "b") if beside else ()
+    curve = LadderView((*below, "curve"), LadderBar("+ curve", 0.05, None), "the curve")
+    one = replace(found, alternatives=(AlternativeView(curve, False),), curve=curve.effects)
+    assert one.curve_stands_alone is not beside
+    assert one.next_steps(below)[0] is curve
+    assert one.is_advised(curve)
+    assert one.is_advised(found.steps[2]) is beside
+    assert not found.curve_stands_alone
+    assert found.next_steps(()) == [found.steps[2]]
+
+
 def test_a_second_diagnosis_goes_on_from_the_first(session):
     session.diagnosis = diagnosis_on(session)
     session.climb(session.diagnosis.steps[2])

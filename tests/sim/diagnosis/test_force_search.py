@@ -172,6 +172,7 @@ def test_lags_plugs_and_curves_are_left_to_predictions() -> None:
         "thruster_lag",
         "steering_lag",
         "steering_play",
+        "steering_rate",
         "actuator_wiring",
         "wave_motion",
     } <= left

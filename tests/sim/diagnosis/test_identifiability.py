@@ -36,6 +36,7 @@ def test_a_rich_voyage_is_refused_only_what_the_vessel_lacks_and_nobody_measured
         "steering_offset",
         "steering_lag",
         "steering_play",
+        "steering_rate",
         "battery_sag",
     }
     assert WAM_V.hull.wind_area == (0.0, 0.0)  # areas that nobody gave are assumed

@@ -110,7 +110,7 @@ def test_at_its_neutral_values_an_effect_does_nothing(effect):
 def test_only_these_have_no_neutral_values():
     without = {e.name for e in EFFECTS if all(p.neutral is None for p in e.parameters)}
     assert without == {"steady_wind", "wind_change", "battery_sag", "thruster_lag", "steering_lag",
-                       "steering_play"}  # fmt: skip
+                       "steering_play", "steering_rate"}  # fmt: skip
 
 
 @every_parameter

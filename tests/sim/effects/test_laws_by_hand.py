@@ -166,6 +166,9 @@ def test_commands_angles_and_lags_are_what_their_equations_give() -> None:
     play = law("steering_play", "angle_rate")
     behind = [play(δ, 0.1, BLADE, p(play=0.05)) for δ in (0.12, 0.06, 0.3, -0.2)]
     assert behind == pytest.approx([0.0, 0.0, 1.5, -2.5])
+    limited = law("steering_rate", "angle_rate")
+    turning = [limited(δ, 0.1, BLADE, p(rate=0.2)) for δ in (0.11, 0.5, -0.5)]
+    assert turning == pytest.approx([0.1, 0.2, -0.2])
     assert law("thruster_lag", "thrust_rate")(90.0, 60.0, DRIVE, p(tau=0.5)) == pytest.approx(60.0)
     assert law("command_delay", "delay")(p(delay=0.7)) == 0.7
     assert law("velocity_latency", "latency")(p(delay=0.7)) == 0.7
@@ -388,6 +391,35 @@ def test_no_battery_makes_motors_push_several_times_as_hard(nominal: float, told
     nobody_measured = SimpleNamespace(voltage=np.full(5, np.nan), usable=trial.usable)
     with warnings.catch_warnings(action="error"):
         assert doubt({"nominal": nominal}, [nobody_measured]) == ""
+
+
+@pytest.mark.parametrize(
+    ("bias", "beyond", "told"),
+    [
+        (0.026, 0.026, ""),
+        (0.026, 0.0, "the two part by 0.0 °/s"),
+        (0.026, -0.026, "the two part by -1.5 °/s"),
+        (0.026, 0.01, ""),  # an estimate of the heading took a part
+        (0.008, 0.0, ""),
+    ],
+)
+def test_no_gyro_is_off_that_goes_with_the_heading(bias: float, beyond: float, told: str) -> None:
+    """Of yaw damping that was not alike on both sides: "the gyro reads 1.5 °/s too fast"."""
+    time, dt = 0.2 * np.arange(500), 0.2
+    r = 0.4 * np.sin(0.3 * time)
+    yaw = (0.4 / 0.3 * (1.0 - np.cos(0.3 * time)) + np.pi) % (2.0 * np.pi) - np.pi
+    zero = np.zeros_like(r)
+    trial = SimpleNamespace(
+        nu=np.column_stack([zero, zero, r + beyond]), eta=np.column_stack([zero, zero, yaw]),
+        usable=(time < 40.0) | (time > 60.0), dt=dt,
+    )  # fmt: skip
+    doubt = named("yaw_rate_bias").disbelieved
+    assert doubt is not None
+    said = doubt({"bias": bias}, [trial])
+    assert said.endswith(told)
+    assert bool(said) == bool(told)
+    if told:
+        assert said.startswith("a bias of 1.5 °/s would turn the gyro's sum away from the heading")
 
 
 @pytest.mark.parametrize(
