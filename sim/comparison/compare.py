@@ -293,6 +293,7 @@ SOON_S = 0.5  # of a free run, in which an error of its start has hardly grown â
 # off beside the truth on hulls that are unstable on course: 0.71 and 0.93. A file that is too
 # steady beside the truth, "better" by 14 and 11 % over whole runs: 1.00 and 1.00.
 MAX_SOON_RATIO = 0.97
+MIN_ASTRAY_RATIO = 2.0  # of place and of heading in one free run: chosen, not measured
 
 
 @dataclass(frozen=True)
@@ -306,6 +307,8 @@ class Improvement:
     worse   channels in which it errs clearly more, as people say them
     unsure  the free runs are cut short, for errors of their start grow, and in the first half
             second of each, where they have not grown yet, the better one is hardly better
+    astray  root mean square error of the place [m] in one free run of the better one, and of the
+            other, where that of the better one is much larger, and that of its heading; else None
     """
 
     log: str
@@ -317,6 +320,7 @@ class Improvement:
     but: tuple[str, ...]
     worse: tuple[str, ...] = ()
     unsure: bool = False
+    astray: tuple[float, float] | None = None
 
     @property
     def ratio(self) -> float:
@@ -361,7 +365,15 @@ class Improvement:
         return (
             f"{better} is better than {worse} on {self.log}: the error falls by {100 * fall:.0f} % "
             f"({100 * falls[0]:.0f} to {100 * falls[1]:.0f} %), {where}{more}{steady * self.unsure}"
+            f"{self._astray_text}"
         )
+
+    @property
+    def _astray_text(self) -> str:
+        if self.astray is None:
+            return ""
+        own, other = (f"{metres:.2g} m" for metres in self.astray)
+        return f"; but in one free run its place is off by {own}, that of the other by {other}"
 
     def to_dict(self) -> dict[str, Any]:
         """One entry of `improvements` in `shadow compare --json`."""
@@ -371,6 +383,7 @@ class Improvement:
             **interval, "clear": self.clear, "but": list(self.but), "says": self.sentence,
             **({"errs_more_in": list(self.worse)} if self.worse else {}),
             **({"unsure": True} if self.unsure else {}),
+            **({"place_of_free_run_m": list(self.astray)} if self.astray else {}),
         }  # fmt: skip
 
 
@@ -396,8 +409,23 @@ def improvement(first: Comparison, second: Comparison) -> Improvement:
     return Improvement(
         first.log, first.vessel, second.vessel, (first.nrmse, second.nrmse),
         _interval(first, second), noise, but, _channels_that_got_worse(better, worse),
-        _is_unsure(better, worse),
+        _is_unsure(better, worse), _astray(better, worse),
     )  # fmt: skip
+
+
+def _astray(better: Comparison, worse: Comparison) -> tuple[float, float] | None:
+    """Places of one free run each, where that of the better one of two goes much further astray:
+    a hull that is unstable on course keeps her track only by the right numbers.
+    """
+    runs = [one.free_run for one in (better, worse)]
+    if runs[1].diverged or len(runs[0].error) > len(runs[1].error):
+        return None
+    own, other = (run.scores.rmse for run in runs)
+    places = [math.hypot(rmse["x"], rmse["y"]) for rmse in (own, other)]
+    pairs = ((places[0], places[1]), (own["psi"], other["psi"]))
+    if any(a < MIN_ASTRAY_RATIO * b for a, b in pairs):
+        return None
+    return places[0], places[1]
 
 
 def _channels_that_got_worse(better: Comparison, worse: Comparison) -> tuple[str, ...]:

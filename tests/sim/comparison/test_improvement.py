@@ -91,6 +91,28 @@ def test_a_hull_that_is_too_steady_is_not_simply_better(
     assert ("unsure" in one.to_dict()) is unsure
 
 
+@pytest.mark.parametrize(
+    ("place", "heading", "left", "said"),
+    [
+        (3.0, 3.0, False, True), (3.0, 1.2, False, False), (1.2, 3.0, False, False),
+        (3.0, 3.0, True, False),  # the other one left the track: it errs by more
+    ],
+)  # fmt: skip
+def test_one_that_goes_astray_in_a_free_run_is_not_simply_better(
+    found, place: float, heading: float, left: bool, said: bool
+) -> None:
+    """A wrong file was better than the truth "by 23 %, everywhere", and went 1.5 m astray."""
+    better, worse = found["near"], found["far"]
+    own = worse.free_run.scores.rmse
+    lost = {**own, "x": place * own["x"], "y": place * own["y"], "psi": heading * own["psi"]}
+    run = replace(worse.free_run, scores=replace(worse.free_run.scores, rmse=lost))
+    other = replace(worse, free_run=replace(worse.free_run, diverged=left))
+    (one,) = improvements([other, replace(better, free_run=run)])
+    assert one.sentence.startswith("near is better than far")
+    assert ("; but in one free run its place is off by " in one.sentence) is said
+    assert ("place_of_free_run_m" in one.to_dict()) is said
+
+
 def test_each_recording_is_judged_by_itself(found) -> None:
     second = [replace(found[name], log="another") for name in ("far", "truth")]
     told = improvements([found["far"], found["truth"], *second])
