@@ -14,6 +14,7 @@ from gateway.figures.matplotlib_draw import save_figure
 from gateway.offline.diagnose import (
     DIAGNOSIS_TRIALS,
     DiagnosisResult,
+    concentrated_error,
     diagnose_logs,
     save_diagnosis,
 )
@@ -270,6 +271,31 @@ def test_a_file_that_may_hold_is_not_sent_to_be_fitted(found):
         lines = told.next_steps("d.json", None)
         assert any(line.startswith("shadow identify") for line in lines) is not holds
         assert told.improves is not holds
+
+
+@pytest.mark.parametrize(
+    ("verdict", "share", "time", "told"),
+    [
+        (Verdict.ADEQUATE, 0.41, 0.03, True),
+        (Verdict.ADEQUATE, 0.41, 0.15, False),  # as in exact files
+        (Verdict.ADEQUATE, 0.1, 0.01, False),  # one moment
+        (Verdict.UNKNOWN, 0.41, 0.03, False),
+    ],
+)
+def test_an_error_in_little_of_the_time_is_told_of_a_model_that_is_right(
+    found, monkeypatch, verdict, share, time, told
+):
+    """A motor that is dead astern: "adequate" here, 42 % of the error in 3 % by compare."""
+    one = SimpleNamespace(share=share, time_share=time, sentence="hardest reverse 25 to 50 %: …")
+    answer = [SimpleNamespace(worst=lambda: (one,))]
+    monkeypatch.setattr("gateway.offline.diagnose.compare", lambda *_: answer)
+    monkeypatch.setattr("gateway.offline.diagnose.Model", SimpleNamespace(of=lambda vessel: None))
+    said = concentrated_error(replace(found.diagnosis, verdict=verdict), found.trials)
+    assert bool(said) is told
+    if told:
+        assert said == [
+            "voyage: what is left is not spread as noise is: hardest reverse 25 to 50 %: …"
+        ]
 
 
 def test_the_next_commands_read_the_recordings_as_they_were_read(found):
