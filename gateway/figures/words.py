@@ -278,14 +278,17 @@ def diagnosis_texts(d: Diagnosis) -> tuple[str, ...]:
 
 def _what_helps_texts(d: Diagnosis, found: Sequence[str]) -> tuple[str, ...]:
     """Of an answer that nothing in the catalogue is: the curve that it looks like first, and what
-    `found` says of the effects that help, or only come near to that curve.
+    `found` says of the effects that help, or only come near to that curve. Of what may be none
+    nothing is said.
     """
+    sure = [text for text in found if not text.endswith(f"{MAY_BE_NONE}.")]
     if d.curve is None:
-        return tuple(f"What helps, but not enough: {text}" for text in found)
+        return tuple(f"What helps, but not enough: {text}" for text in sure)
     curve = cause_text(d.curve, d.curve.effects[-1], d.start_time_ns)
+    curve = curve.replace(f"but {MAY_BE_NONE}", "how much of it these data do not tell")
     looks = f"It looks like {curve[0].lower()}{curve[1:]}."
     if not d.curve_stands_alone:
-        return (looks, *(f"What helps beside it: {text}" for text in found))
+        return (looks, *(f"What helps beside it: {text}" for text in sure))
     nearest = ", ".join(map(said, d.effects))
     return (looks, f"Nearest to it in the catalogue, but not it: {nearest}.")
 

@@ -237,6 +237,21 @@ def test_what_may_be_none_is_told_after_what_is_sure():
     assert last.endswith("; but these data allow that there is none.")
 
 
+@pytest.mark.parametrize("alone", [None, True, False])
+def test_what_may_be_none_is_no_headline_of_what_is_missing(alone):
+    """ "Half throttle works like 54 %; but these data allow that there is none" was all of it."""
+    answer = diagnosis(Verdict.UNKNOWN, "heading_offset", "cg_offset")
+    nothing = {"cg_offset": [number("cg_offset.x_g", 0.1, (-0.1, 0.3))]}
+    answer.ladder[-1].parameters |= nothing
+    if alone is not None:
+        answer.curve, answer.curve_stands_alone = step("cg_offset"), alone
+        answer.curve.parameters |= nothing
+    told = " ".join(diagnosis_texts(answer))
+    assert "there is none" not in told
+    assert ("how much of it these data do not tell." in told) == (alone is not None)
+    assert (COMPASS in told) == (alone is not True)
+
+
 CURRENT = {
     "speed": 0.25, "direction": 3.3, "later_speed": 0.4, "later_direction": 6.5, "time": 610.0
 }  # fmt: skip
