@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 from gateway.files import RECORDINGS, write_whole
 from gateway.vessel_file import dump_vessel
-from sim.comparison.compare import Comparison, by_trial
+from sim.comparison.compare import Comparison
+from sim.comparison.improvement import by_trial
 from sim.diagnosis.answer import Diagnosis
 from sim.identification.identify import Identification
 from sim.near_names import did_you_mean

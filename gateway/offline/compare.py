@@ -13,7 +13,8 @@ from gateway.offline.notices import notices_of
 from gateway.offline.trials import DEFAULT_TRIALS, TrialOptions, load_trials
 from gateway.offline.usable_time import excluded_summary
 from gateway.vessel_file import load_vessel
-from sim.comparison.compare import Comparison, compare, improvements
+from sim.comparison.compare import Comparison, compare
+from sim.comparison.improvement import improvements
 from sim.comparison.refit import TooShortError, compare_refitted
 from sim.effects.effect import Effect
 from sim.model import Model

@@ -19,13 +19,13 @@ from gateway.figures.matplotlib_draw import save_figures
 from gateway.files import write_whole
 from gateway.kernels_ahead import compiled_ahead
 from gateway.offline.add import DiagnosisFile, add_from_diagnosis
+from gateway.offline.concentrated import concentrated_error
 from gateway.offline.notices import notices_of
 from gateway.offline.trials import TrialOptions, date_of, usable_trials
 from gateway.offline.usable_time import runs_without_thrust
 from gateway.result_json import result_json
 from gateway.user_effects import known_effects
 from gateway.vessel_file import load_vessel, read_vessel_file
-from sim.comparison.compare import compare
 from sim.diagnosis.answer import Diagnosis, LadderStep, Verdict
 from sim.diagnosis.diagnose import DiagnoseSettings, diagnose
 from sim.diagnosis.fit_problem import kernels_of_a_diagnosis
@@ -35,7 +35,7 @@ from sim.diagnosis.thresholds import GUESSED_PRIOR
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect, Scope, Separation
 from sim.excitation.catalogue import BY_NAME
-from sim.model import Model, parameters_of
+from sim.model import parameters_of
 from sim.prediction.free_runs import DivergedError
 from sim.prediction.segments import NoUsableTimeError
 from sim.state import Progress
@@ -45,10 +45,6 @@ from sim.vessel import Vessel
 # A diagnosis compares means over 0.4 s: a finer grid costs three times as much and tells no more.
 DIAGNOSIS_TRIALS = TrialOptions(rate_hz=5.0)
 WORKERS = 2  # threads; the compiled kernels release the interpreter lock
-# Of eleven exact files of a stranger's none had a range with more than three times its share of the
-# time; a motor that gives nothing astern at part throttle had 41 % in 3 %.
-MIN_CONCENTRATED, MIN_DENSITY = 0.25, 6.0  # share of the squared error; that over the time's
-MAX_RECORDINGS_LOOKED_AT = 3
 SPIN = "spin"  # an excitation on the spot
 DEFAULT_PATTERN = "always"  # of `Effect.pattern_for`: the pattern where no other is declared
 
@@ -327,26 +323,6 @@ def diagnose_logs(
         diagnosis, boat, tuple(trials), tuple(map(str, logs)), str(vessel), notices,
         flags=options.flags,
     )  # fmt: skip
-
-
-def concentrated_error(d: Diagnosis, trials: Sequence[Trial]) -> list[str]:
-    """Where a model that is as good as these data can tell errs by much in little of the time.
-
-    Errors of the measured velocities come and go; what errs astern alone is of the boat.
-    """
-    if d.verdict is not Verdict.ADEQUATE:
-        return []
-    out = []
-    for trial in trials[:MAX_RECORDINGS_LOOKED_AT]:
-        try:
-            (found,) = compare(trial, [Model.of(d.vessel)])
-        except (NoUsableTimeError, DivergedError):
-            continue
-        for one in found.worst():
-            if one.share > MIN_CONCENTRATED and one.share > MIN_DENSITY * one.time_share:
-                out.append(f"{trial.name}: what is left is not spread as noise is: {one.sentence}")
-                break
-    return out
 
 
 def diagnose_trials(

@@ -15,7 +15,8 @@ from gateway.figures import motion_texts
 from gateway.figures.words import nowhere_text
 from gateway.offline.beside_loop import BesideLoop
 from gateway.terminal import ResultConsole
-from sim.comparison.compare import Comparison, by_trial, improvements
+from sim.comparison.compare import Comparison
+from sim.comparison.improvement import by_trial, improvements
 from sim.comparison.missions import MissionComparison, Parting
 
 WORST = 5  # regimes that are named

@@ -11,10 +11,10 @@ import pytest
 from gateway.figures import Dots, Level, Line
 from gateway.figures.diagnosis import diagnosis_figures
 from gateway.figures.matplotlib_draw import save_figure
+from gateway.offline.concentrated import concentrated_error
 from gateway.offline.diagnose import (
     DIAGNOSIS_TRIALS,
     DiagnosisResult,
-    concentrated_error,
     diagnose_logs,
     save_diagnosis,
 )
@@ -288,8 +288,10 @@ def test_an_error_in_little_of_the_time_is_told_of_a_model_that_is_right(
     """A motor that is dead astern: "adequate" here, 42 % of the error in 3 % by compare."""
     one = SimpleNamespace(share=share, time_share=time, sentence="hardest reverse 25 to 50 %: …")
     answer = [SimpleNamespace(worst=lambda: (one,))]
-    monkeypatch.setattr("gateway.offline.diagnose.compare", lambda *_: answer)
-    monkeypatch.setattr("gateway.offline.diagnose.Model", SimpleNamespace(of=lambda vessel: None))
+    monkeypatch.setattr("gateway.offline.concentrated.compare", lambda *_: answer)
+    monkeypatch.setattr(
+        "gateway.offline.concentrated.Model", SimpleNamespace(of=lambda vessel: None)
+    )
     said = concentrated_error(replace(found.diagnosis, verdict=verdict), found.trials)
     assert bool(said) is told
     if told:

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.comparison.compare import Comparison, Improvement, compare, improvements
+from sim.comparison.compare import Comparison, compare
+from sim.comparison.improvement import Improvement, improvements
 from sim.model import Model
 from tests.sim.voyages import WAM_V, simulated
 
