@@ -13,9 +13,9 @@ from sim.comparison.compare import (
     Judgement,
     Standing,
     compare,
-    improvements,
     louder_channels,
 )
+from sim.comparison.improvement import improvements
 from sim.model import Model
 from sim.state import Floats
 from sim.trial import Trial
