@@ -102,7 +102,8 @@ def compare(
 
 
 def add(diagnosis: Diagnosis, *effects: str) -> Vessel:
-    """The better vessel of a diagnosis: with the effects named, or with all that it found.
+    """The better vessel of a diagnosis: with the effects named, or with all that it found, a
+    curve too.
 
     Numbers are those that were fitted along with these effects; ValueError names the combinations
     that were.

@@ -314,6 +314,11 @@ class Vessel:
         )
 
     @property
+    def turns_on_the_spot(self) -> bool:
+        """Whether motors turn the boat at rest: one that is steered turns her under way."""
+        return any(t.position[1] or np.sin(t.azimuth) for t in self.thrusters)
+
+    @property
     def _steered(self) -> set[str]:
         """Names of the motors that are steered."""
         return {rudder.motor for rudder in self.rudders if rudder.motor}

@@ -51,9 +51,8 @@ class Nature:
         self.rudder_lag = sum(c.rudder_lag for c in causes)
         self.rudder_play = sum(c.rudder_play for c in causes)
         self.rudder_rate = min((c.rudder_rate for c in causes), default=math.inf)
-        self._stands_apart = bool(self.rudder_lag or self.rudder_play) or (
-            self.rudder_rate < math.inf
-        )
+        limited = self.rudder_rate < math.inf
+        self._stands_apart = bool(self.rudder_lag or self.rudder_play or limited)
         self.tired = math.prod(c.tired for c in causes)
         self.latency = sum(c.latency for c in causes)
         self._turned = sum(c.turned for c in causes)

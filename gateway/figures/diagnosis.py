@@ -108,10 +108,10 @@ def diagnosis_figures(diagnosis: Diagnosis, trials: Sequence[Trial]) -> dict[str
 
 
 def evidence_figures(diagnosis: Diagnosis, trials: Sequence[Trial]) -> dict[str, FigureData]:
-    """Of each effect that was found, and of the curve beside or in the place of them, by name."""
-    each = {found.effect: evidence_figure(found) for found in evidence_of(diagnosis, trials)}
-    first = diagnosis.curve.effects[-1:] if diagnosis.curve else ()
-    out = {name: each[name] for name in (*first, *each) if name in each}
+    """Of each effect that was found, and of the curve beside or in the place of them, that
+    first, by name.
+    """
+    out = {found.effect: evidence_figure(found) for found in evidence_of(diagnosis, trials)}
     steps = [diagnosis.ladder[-1], *([diagnosis.curve] if diagnosis.curve else [])]
     for step in steps:
         for added in step.vessel.effects:
@@ -119,7 +119,8 @@ def evidence_figures(diagnosis: Diagnosis, trials: Sequence[Trial]) -> dict[str,
                 field = added.effect.over_map(fitted_values(step, added.effect.name))
                 trial = next(t for t in trials if t.usable.any())
                 out[added.effect.name] = _map_figure(added.effect.name, field, trial)
-    return out
+    first = diagnosis.curve.effects[-1:] if diagnosis.curve else ()
+    return {name: out[name] for name in (*first, *out) if name in out}
 
 
 def _map_figure(effect: str, field: MapField, trial: Trial) -> FigureData:

@@ -261,9 +261,6 @@ def _why_not(d: Diagnosis, step: LadderStep, tied: bool, contradicted: bool) -> 
     return f"{first}, with {more} {chosen.heldout.nrmse:.3f}."
 
 
-MISSING = "Something is missing that the catalogue does not hold."
-
-
 def said(effect: str) -> str:
     """The name of an effect as it stands in a sentence."""
     return effect.replace("_", " ")
@@ -315,7 +312,8 @@ def _answer_texts(d: Diagnosis) -> tuple[str, ...]:
                     "Nothing else is missing that these data could tell.")  # fmt: skip
         return ("Nothing is missing that these data could tell.",)
     if d.verdict is Verdict.UNKNOWN:
-        return (MISSING, *_what_helps_texts(d, found))
+        missing = "Something is missing that the catalogue does not hold."
+        return (missing, *_what_helps_texts(d, found))
     if d.verdict is Verdict.CONFOUNDED:
         return (*found, *(f"These data cannot tell that from another cause: {text}." for text in
                           (cause_text(s, s.effects[-1], begun) for s in rivals(d))))  # fmt: skip

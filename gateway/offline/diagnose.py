@@ -11,8 +11,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from gateway.errors import BadInput, numerical_errors, shell_path
 from gateway.figures.diagnosis import diagnosis_figures
 from gateway.figures.matplotlib_draw import save_figures
@@ -157,11 +155,6 @@ class DiagnosisResult:
         return [*save, *better, *self._steps_to_more, *beyond]
 
     @property
-    def _can_spin(self) -> bool:
-        """Whether motors turn the boat on the spot: what is steered does so under way."""
-        return any(t.position[1] or np.sin(t.azimuth) for t in self.before.thrusters)
-
-    @property
     def _vessel(self) -> str:
         return shell_path(self.vessel_file)
 
@@ -186,7 +179,7 @@ class DiagnosisResult:
         excitations = [manoeuvre] if manoeuvre in BY_NAME else []
         excitations += [s.excitation for s in self.separations.values()]
         plan = f"shadow plan --vessel {self._vessel}{self._own}"
-        able = [name for name in dict.fromkeys(excitations) if name != SPIN or self._can_spin]
+        able = [n for n in dict.fromkeys(excitations) if n != SPIN or self.before.turns_on_the_spot]
         plans = [f"{plan} --excitation {name}" for name in able]
         return [*plans, self._again_with("THE_NEW_LOG")] if plans else []
 

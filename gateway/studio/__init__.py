@@ -170,7 +170,6 @@ class DiagnosisView:
     before  effects that the vessel had when it was diagnosed
     motion  effects of a step -> velocities measured, without its last effect, and with it
     why_not effect that was not chosen -> why, in a sentence
-    curve   effects of the step with the curve, where nothing in the catalogue is it: an alternative
     """
 
     answer: Mapping[str, Any]
@@ -187,7 +186,11 @@ class DiagnosisView:
     causes: Mapping[str, str] = field(default_factory=dict)
     motion: Mapping[tuple[str, ...], FigureData] = field(default_factory=dict)
     why_not: Mapping[str, str] = field(default_factory=dict)
-    curve: tuple[str, ...] = ()
+
+    @property
+    def curve(self) -> tuple[str, ...]:
+        """Effects of the alternative with the curve, where nothing in the catalogue is it."""
+        return tuple((self.answer.get("curve") or {"effects": ()})["effects"])
 
     @property
     def curve_stands_alone(self) -> bool:

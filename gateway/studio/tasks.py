@@ -254,7 +254,6 @@ def diagnose_task(
     d, alternatives = found.diagnosis, _alternatives(found, others)
     against = [one.step.effects[-1] for one in alternatives if one.contradicted]
     tried = [one.name for one in (*known_effects(), *effects) if not one.is_curve]
-    curve = d.curve.effects if d.curve else ()
     own = {added.effect.name for added in found.before.effects}
     return DiagnosisView(
         answer=found.to_dict(),
@@ -271,7 +270,6 @@ def diagnose_task(
                 for name in step.effects},
         motion=_motions(found, [one.step.effects for one in alternatives if one.evidence]),
         why_not=why_not_texts(d, [name for name in tried if name not in own], against),
-        curve=curve,
     )  # fmt: skip
 
 

@@ -43,7 +43,10 @@ def said_of_times(effects: Sequence[Effect], told: Sequence[str], period: float)
           all twelve that were known lay in their interval, of lags four of nine, and of velocities
           that come late, which are not told so, two of four (light_and_days.md).
     """
-    timed = [e for e in effects if Shown.COMMANDS in e.shown_by]
+    timed = [
+        e for e in effects
+        if Shown.COMMANDS in e.shown_by and any(p.unit == "s" for p in e.parameters)
+    ]  # fmt: skip
     here = [e.name for e in timed if set(told) & set(times_of([e]))]
     lags = [e.name for e in timed if any(p.role is Role.TIME_CONSTANT for p in e.parameters)]
     doubted = [e.name for e in timed if e.name not in here or e.name in lags]

@@ -133,11 +133,10 @@ class Alarm:
         """The causes that would be told, where the error falls with none of them."""
         several = self.cause in (Cause.EITHER, Cause.SEVERAL)
         kinds = frozenset(self.likely if several else (self.cause,)) - {Cause.NOTHING, Cause.OTHER}
-        estimate = self.told_by
-        each = [next(f for _, one, f in estimate.named if one is kind) for kind in kinds]
+        estimate, channel = self.told_by, self.misfit.worst_channel
         falls = any(
-            error_falls(estimator, estimate, f, self.judged, self.misfit.worst_channel)
-            for f in each
+            error_falls(estimator, estimate, estimate.number_of(kind), self.judged, channel)
+            for kind in kinds
         )
         return frozenset() if falls else kinds
 

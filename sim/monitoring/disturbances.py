@@ -185,9 +185,13 @@ class DisturbanceEstimate:
             for law, name in pairs
         ])  # fmt: skip
 
+    def number_of(self, cause: Cause) -> int:
+        """Of the explanation by that cause which predicts best."""
+        return next(f for _, kind, f in self.named if kind is cause)
+
     def best(self, cause: Cause) -> DisturbanceFilter:
         """The filter of that cause which predicts best."""
-        return self.filter(next(f for _, kind, f in self.named if kind is cause))
+        return self.filter(self.number_of(cause))
 
     @cached_property
     def likely(self) -> tuple[Cause, ...]:
@@ -253,7 +257,7 @@ class KnownCause:
     @cached_property
     def number(self) -> int:
         """Of the explanation of that cause which predicts best."""
-        return next(f for _, kind, f in self.estimate.named if kind is self.cause)
+        return self.estimate.number_of(self.cause)
 
     @property
     def law(self) -> Law:

@@ -101,7 +101,8 @@ def test_a_curve_that_does_without_effects_is_what_is_advised(session, beside):
     """It was the last button of the page, below six that add what only comes near."""
     found, below = diagnosis_on(session), ("a", "b") if beside else ()
     curve = LadderView((*below, "curve"), LadderBar("+ curve", 0.05, None), "the curve")
-    one = replace(found, alternatives=(AlternativeView(curve, False),), curve=curve.effects)
+    answer = {**found.answer, "curve": {"effects": list(curve.effects)}}
+    one = replace(found, alternatives=(AlternativeView(curve, False),), answer=answer)
     assert one.curve_stands_alone is not beside
     assert one.next_steps(below)[0] is curve
     assert one.is_advised(curve)

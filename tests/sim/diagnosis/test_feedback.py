@@ -107,6 +107,15 @@ def test_what_is_said_of_times_in_a_sea(
     assert (f"take that of {doubted} with more doubt" in said) is bool(doubted)
 
 
+def test_steering_that_hangs_loose_or_is_slow_has_no_time_that_could_be_wrong() -> None:
+    """Of an angle and a rate: "times that were known were found up to 0.3 s wrong"."""
+    loose, slow, late = (named(f"steering_{name}") for name in ("play", "rate", "lag"))
+    assert said_of_times([loose, slow], [], 2.0) == ""
+    assert "take that of steering_lag with more doubt" in said_of_times(
+        [loose, slow, late], [], 2.0
+    )
+
+
 def in_a_sea_it_says(monkeypatch: pytest.MonkeyPatch, floor: float, period: float | None) -> str:
     """What a diagnosis that finds a delay says, where what is left swings or does not."""
     trial = sailed("command_delay", delay=0.4)
